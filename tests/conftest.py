@@ -1,7 +1,5 @@
 """pinfric first: it sets OMP_WAIT_POLICY, which counts only if set before Pinocchio loads."""
 
-from __future__ import annotations
-
 import gc
 import os
 import signal

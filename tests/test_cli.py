@@ -1,7 +1,5 @@
 """The command line as a shell sees it: exit codes, streams, JSON, files, what it imports."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import os

@@ -1,7 +1,5 @@
 """A starting scene for any URDF: loads, runs, says what is guessed."""
 
-from __future__ import annotations
-
 import hashlib
 import re
 import warnings

@@ -1,7 +1,5 @@
 """What compares printed text sees a word, a count and a figure that are others."""
 
-from __future__ import annotations
-
 import pytest
 from printed import assert_printed
 

@@ -1,7 +1,5 @@
 """What every command does the same way: errors, interrupts, pipes, help."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

@@ -1,13 +1,12 @@
 """`explain`: changes by hand, costs that are figures, and the command."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest
 from builders import block, chain, dry, sliding_block
 from cli_cases import told
 from envelopes import result_of
+from numpy.testing import assert_allclose
 
 import pinfric as pf
 from pinfric.accuracy.explain import explain
@@ -42,8 +41,8 @@ def test_rms_is_over_time_not_over_samples():
     assert found["viscous"].rms_change == pytest.approx(over_time)
     known = np.array([[1.0, 3.0], [1.0, np.nan], [2.0, 4.0], [2.0, 4.0]])
     times = np.array([0.0, 1.0, 1.5, 9.5])
-    np.testing.assert_allclose(known_rms(times, known), [np.sqrt((1 + 1.25 + 32) / 9.5), 4.0])
-    np.testing.assert_allclose(known_rms(None, known), np.sqrt([10 / 4, 41 / 3]))
+    assert_allclose(known_rms(times, known), [np.sqrt((1 + 1.25 + 32) / 9.5), 4.0])
+    assert_allclose(known_rms(None, known), np.sqrt([10 / 4, 41 / 3]))
 
 
 def test_what_gears_lose_with_their_load_is_a_row_each():

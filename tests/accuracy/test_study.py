@@ -1,7 +1,5 @@
 """Work against precision: the three methods against the absolute formulation, failures as rows."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

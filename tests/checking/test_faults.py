@@ -1,7 +1,5 @@
 """Deliberate faults of every bundled robot: masses and inertias in other units, and by factors."""
 
-from __future__ import annotations
-
 from collections import Counter
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """`pinfric check`: wrong units of good robots are found and named, good robots stay quiet."""
 
-from __future__ import annotations
-
 import re
 import warnings
 import xml.etree.ElementTree as ElementTree

@@ -1,7 +1,5 @@
 """What is implausible about a robot's masses and limits as a whole, by deliberate faults."""
 
-from __future__ import annotations
-
 import itertools
 import xml.etree.ElementTree as ElementTree
 

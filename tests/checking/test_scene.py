@@ -1,7 +1,5 @@
 """Findings of a scene."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

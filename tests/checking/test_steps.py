@@ -1,11 +1,10 @@
 """Links and robots that are checked."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import trimesh
 from check_cases import TIP, J, arm, errors
+from numpy.testing import assert_allclose
 
 import pinfric as pf
 from pinfric.checking.findings import Severity
@@ -76,8 +75,8 @@ def test_shapes_are_measured_where_they_stand(tmp_path):
 
     file = arm(tmp_path, tip=TIP + shape)
     extent = RobotFacts.of(file).extents["tip"]
-    np.testing.assert_allclose(extent.low, [0.9, -1.0, -0.1], atol=1e-12)
-    np.testing.assert_allclose(extent.high, [1.1, 1.0, 0.1], atol=1e-12)
+    assert_allclose(extent.low, [0.9, -1.0, -0.1], atol=1e-12)
+    assert_allclose(extent.high, [1.1, 1.0, 0.1], atol=1e-12)
 
 
 def test_collada_meshes_are_in_the_unit_that_they_name(tmp_path):
@@ -91,5 +90,5 @@ def test_collada_meshes_are_in_the_unit_that_they_name(tmp_path):
     mesh = '<visual><geometry><mesh filename="box.dae"/></geometry></visual>'
     file = arm(tmp_path, tip=TIP + mesh)
     size = RobotFacts.of(file).extents["tip"].size
-    np.testing.assert_allclose(size, [0.04, 0.02, 0.01], rtol=1e-6)
-    np.testing.assert_allclose(np.ptp(read_mesh(tmp_path / "box.dae").vertices, axis=0), size)
+    assert_allclose(size, [0.04, 0.02, 0.01], rtol=1e-6)
+    assert_allclose(np.ptp(read_mesh(tmp_path / "box.dae").vertices, axis=0), size)

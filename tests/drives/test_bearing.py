@@ -1,7 +1,5 @@
 """Loads and life of bearings and screws, by hand and by the check values of makers' rules."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Belts: lengths against a contour, torque and stiffness by a catalogue's own example."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.spatial import ConvexHull

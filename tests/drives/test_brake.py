@@ -1,7 +1,5 @@
 """Brakes, against a search over friction within its limits that shares no code with ours."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 from itertools import product

@@ -1,7 +1,5 @@
 """Catalogues: the bundled one, and what is wrong with others."""
 
-from __future__ import annotations
-
 import re
 import warnings
 from pathlib import Path

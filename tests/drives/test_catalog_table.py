@@ -1,7 +1,5 @@
 """Tables of makers as catalogues, and the bill of materials."""
 
-from __future__ import annotations
-
 import csv
 import io
 import re

@@ -1,13 +1,12 @@
 """Criteria of one drive against figures worked out by hand (see `sizing_cases`)."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np
 import pinocchio as pin
 import pytest
 from builders import chain, lump
+from numpy.testing import assert_allclose, assert_array_equal
 from sizing_cases import (
     ACCELERATION,
     COULOMB,
@@ -362,7 +361,7 @@ def test_copper_loss_and_voltage_by_what_the_constant_is_printed_for(
     convention = {"current": current, "resistance_of": resistance_of, "thermal": None}
     motor = sized(tmp_path, convention).motor
     k, r, torque = MOTOR["torque_constant"], MOTOR["resistance"], motor.torque_upper
-    np.testing.assert_allclose(
+    assert_allclose(
         motor.power - torque * motor.speed, loss * r * (torque / k) ** 2, rtol=1e-9, atol=1e-9
     )
     if current == "dc":
@@ -371,7 +370,7 @@ def test_copper_loss_and_voltage_by_what_the_constant_is_printed_for(
     peak = to_peak * torque / k
     volts = np.sqrt(3) * np.abs(phase[resistance_of] * r * peak + (k / to_peak) / 1.5 * motor.speed)
     found = sized(tmp_path, convention).choice.candidate.ratings.voltage(torque, motor.speed)
-    np.testing.assert_allclose(found, volts, rtol=1e-9)
+    assert_allclose(found, volts, rtol=1e-9)
 
 
 @pytest.mark.filterwarnings("ignore:.*(lack ratings|not below the winding's limit)")
@@ -463,7 +462,7 @@ def test_a_limit_added_in_one_row_is_in_size_sweep_and_retime(tmp_path, coupling
     met = 1.1 * swept.figure("motor_peak")[:, 0] <= 0.3
     assert met.any()
     assert not met.all()
-    np.testing.assert_array_equal(trial.met(swept)["coupling torque"], met)
+    assert_array_equal(trial.met(swept)["coupling torque"], met)
     limits = {"table": joint.assessments[0].candidate}
     path = pf.Path.from_waypoints([[0.0], [2.0]])
     slow = pf.retime(scene, path, limits, heat=False, points=60)

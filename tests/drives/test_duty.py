@@ -1,7 +1,5 @@
 """Duties: against figures weighted by hand, and against the same cycles written out one by one."""
 
-from __future__ import annotations
-
 from dataclasses import astuple, replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Do the links hold the drives: what they weigh beside what they would hold, by hand."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from builders import lump, row

@@ -1,7 +1,5 @@
 """How a robot is mounted, and drives for any mounting."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Overload within a cycle: heat and standstills by hand, and against an integration of its own."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given

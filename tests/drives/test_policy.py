@@ -1,7 +1,5 @@
 """What must be known of a drive, what fits what, and the defaults."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import yaml

@@ -1,7 +1,5 @@
 """The bus of all drives, by sums of their own."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest

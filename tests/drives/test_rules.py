@@ -1,7 +1,5 @@
 """Rules of makers against the examples that makers print."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest

@@ -1,7 +1,5 @@
 """Stepper motors: the pull-out curve against a search, printed points, and rows by hand."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import yaml

@@ -1,7 +1,5 @@
 """What a gear bears when its brake closes, by hand, and the stops of the chosen drive."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from sizing_cases import GEAR, MOTOR, one_drive, sized_cycle, turntable, write_catalog

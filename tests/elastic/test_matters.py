@@ -1,7 +1,5 @@
 """Whether elasticity matters: bandwidths of known signals, and what `explain` says."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from builders import example, lump

@@ -1,12 +1,11 @@
 """Elastic gears along motions: closed forms, loops, couples, 200 histories of an elastic arm."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest
 from builders import chain, example, gantry, geared_arm, lump
 from mechanisms import shifted
+from numpy.testing import assert_allclose
 
 import pinfric as pf
 from pinfric.elastic.motion import (
@@ -81,19 +80,17 @@ def test_sag_interval_and_reversal_of_one_axis():
     )
     rest = elasticity(stand(scene, np.zeros(1), np.array([0.5]))).rests[0]
     h = -4.0 * G * 0.5
-    np.testing.assert_allclose(rest.wind_up_sag, h / 1e3)
-    np.testing.assert_allclose(
-        [rest.wind_up_lower, rest.wind_up_upper], [[(h - 3) / 1e3], [(h + 3) / 1e3]]
-    )
-    np.testing.assert_allclose(rest.wind_up_approach, (h + 2) / 1e3)  # came forward
-    np.testing.assert_allclose(rest.wind_up_opposite, (h - 2) / 1e3)
+    assert_allclose(rest.wind_up_sag, h / 1e3)
+    assert_allclose([rest.wind_up_lower, rest.wind_up_upper], [[(h - 3) / 1e3], [(h + 3) / 1e3]])
+    assert_allclose(rest.wind_up_approach, (h + 2) / 1e3)  # came forward
+    assert_allclose(rest.wind_up_opposite, (h - 2) / 1e3)
     assert rest.tool is not None
-    np.testing.assert_allclose(rest.tool.sag[:3], [0, 0, 0.8 * h / 1e3], atol=1e-15)
+    assert_allclose(rest.tool.sag[:3], [0, 0, 0.8 * h / 1e3], atol=1e-15)
     assert rest.tool.sag[2] < 0  # it hangs
     assert rest.tool.farthest == pytest.approx(0.8 * 3 / 1e3)
     assert rest.tool.farthest_angle == pytest.approx(3 / 1e3)
     assert rest.tool.reversal == pytest.approx(0.8 * 4 / 1e3)
-    np.testing.assert_allclose(rest.tool.extents, [0, 0, 0.0024, 0, 0.003, 0], atol=1e-15)
+    assert_allclose(rest.tool.extents, [0, 0, 0.0024, 0, 0.003, 0], atol=1e-15)
     J = 0.2 + 4 * 0.25
     assert rest.frequency == pytest.approx((np.sqrt(1e3 / J) / TAU,) * 2)
 
@@ -119,7 +116,7 @@ def test_places_of_two_axes_by_finite_rotation():
         return data.oMf[model.getFrameId("tool")].translation.copy()
 
     exact = tip(q - rest.wind_up_sag) - tip(q)
-    np.testing.assert_allclose(rest.tool.sag[:3], exact, atol=2e-2 * np.abs(exact).max())
+    assert_allclose(rest.tool.sag[:3], exact, atol=2e-2 * np.abs(exact).max())
     corner = [
         tip(q - np.array([a, b])) - tip(q) - rest.tool.middle[:3]
         for a in (rest.wind_up_lower[0], rest.wind_up_upper[0])
@@ -164,7 +161,7 @@ def test_a_rigid_drive_beside_an_elastic_one_is_locked():
     )
     result = stand(scene, np.array([0.3, 0.5]))
     far = 0.04 + 3 * 0.25**2
-    np.testing.assert_allclose(trajectory_frequencies(result), np.sqrt(2e3 / far) / TAU)
+    assert_allclose(trajectory_frequencies(result), np.sqrt(2e3 / far) / TAU)
     free = free_frequencies(result, 5)
     rotor = 100.0**2 * 5e-5
     assert free[0] > np.sqrt(2e3 * (1 / far + 1 / rotor)) / TAU  # link a gives way, too
@@ -178,7 +175,7 @@ def test_a_rotor_given_as_armature_is_on_the_motors_side():
     model = scene.model.copy()
     model.armature = np.array([3.0, 2.0])
     result, heavy = (stand(s, np.array([0.3, 0.5])) for s in (scene, scene.with_(model=model)))
-    np.testing.assert_allclose(trajectory_frequencies(result), trajectory_frequencies(heavy))
+    assert_allclose(trajectory_frequencies(result), trajectory_frequencies(heavy))
     assert (free_frequencies(heavy, 0) < free_frequencies(result, 0)).all()
 
 
@@ -209,7 +206,7 @@ def test_a_four_bar_with_an_elastic_crank():
         pin.framesForwardKinematics(scene.model, data, at(angle))
         places.append(data.oMf[id_].translation.copy())
     moved = places[1] - places[0]
-    np.testing.assert_allclose(rest.tool.sag[:3], moved, atol=0.03 * np.linalg.norm(moved))
+    assert_allclose(rest.tool.sag[:3], moved, atol=0.03 * np.linalg.norm(moved))
     assert rest.tool.farthest > 0
 
 

@@ -1,7 +1,5 @@
 """Frequencies against closed forms, the full matrices, and MuJoCo's linearization."""
 
-from __future__ import annotations
-
 import mujoco
 import numpy as np
 import pytest

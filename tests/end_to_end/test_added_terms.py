@@ -4,8 +4,6 @@ The collar carries c = weight |F_a| + |M|, the drag is coefficient |v|^exponent.
 (axis z, mass m at the lever r, inertia I about the axis) F_a = m g, M_b = m g r and M_a = I a.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Literal
 
@@ -15,6 +13,7 @@ import yaml
 from cases import turning_four_bar
 from judges.verdict import judge
 from mechanisms import pin_friction
+from numpy.testing import assert_allclose
 from tables import table
 
 import pinfric as pf
@@ -142,13 +141,13 @@ def test_inverse_dynamics_have_the_closed_form(tmp_path):
     v = np.array([2.0, -0.5, 0.0])
     a = np.array([1.0, 3.0, -2.0])
     result = pf.inverse_dynamics(scene, np.zeros((3, 1)), v[:, None], a[:, None])
-    np.testing.assert_allclose(result.normal_load[:, 0], load_of(a), rtol=1e-14)
+    assert_allclose(result.normal_load[:, 0], load_of(a), rtol=1e-14)
     dry = MU * load_of(a)
     drag = np.sign(v) * DRAG * np.abs(v) ** POWER + 0.1 * v
     least = INERTIA * a + drag + np.where(v == 0, -dry, np.sign(v) * dry)
     most = INERTIA * a + drag + np.where(v == 0, dry, np.sign(v) * dry)
-    np.testing.assert_allclose(result.effort_lower[:, 0], least, rtol=1e-13)
-    np.testing.assert_allclose(result.effort_upper[:, 0], most, rtol=1e-13)
+    assert_allclose(result.effort_lower[:, 0], least, rtol=1e-13)
+    assert_allclose(result.effort_upper[:, 0], most, rtol=1e-13)
     assert judge(result).passed()
 
 
@@ -181,7 +180,7 @@ def test_simulated_drag_runs_out_as_its_closed_form_does(tmp_path, method, toler
     stops = 2.0 ** (1 - POWER) * INERTIA / ((1 - POWER) * DRAG)
     motion = pf.simulate(scene, [0.0], [2.0], [0.0], 0.9 * stops, method)
     expected = 2.0 * (1 - motion.t / stops) ** (1 / (1 - POWER))
-    np.testing.assert_allclose(motion.v[:, 0], expected, rtol=0, atol=2.0 * tolerance)
+    assert_allclose(motion.v[:, 0], expected, rtol=0, atol=2.0 * tolerance)
 
 
 @pytest.mark.parametrize(("method", "tolerance"), METHODS)
@@ -193,7 +192,7 @@ def test_simulated_collar_stops_as_its_closed_form_does(tmp_path, method, tolera
     stops = 2.0 * INERTIA / x
     motion = pf.simulate(scene, [0.0], [2.0], [0.0], 1.2 * stops, method)
     expected = np.maximum(2.0 * (1 - motion.t / stops), 0.0)
-    np.testing.assert_allclose(motion.v[:, 0], expected, rtol=0, atol=4.0 * tolerance)
+    assert_allclose(motion.v[:, 0], expected, rtol=0, atol=4.0 * tolerance)
     if method != "regularized":
         assert motion.v[-1, 0] == 0.0
 
@@ -209,7 +208,7 @@ def test_loops_drag_too_and_their_judge_agrees():
     assert len(single) > 8  # a reversal beside the others leaves an interval
     for i in single:
         instant = pf.forward_dynamics(case.scene, case.q[i], case.v[i], result.effort_lower[i])
-        np.testing.assert_allclose(instant.a, case.a[i], rtol=0, atol=1e-8)
+        assert_allclose(instant.a, case.a[i], rtol=0, atol=1e-8)
 
 
 def test_they_are_effects_by_their_keys(tmp_path):
@@ -270,10 +269,10 @@ def test_motor_torques_of_an_added_gear_have_the_closed_form(tmp_path):
     back = np.tan(LEAD - RUBS) / np.tan(LEAD)
     passed = np.where(driving, effort / eta, effort * back) / RATIO
     torque = passed + RATIO * ROTOR * a
-    np.testing.assert_allclose(result.motor_torque_lower[:, 0], torque, rtol=1e-12)
+    assert_allclose(result.motor_torque_lower[:, 0], torque, rtol=1e-12)
     assert judge(result).passed()
     moved = pf.forward_dynamics(scene, np.zeros((3, 1)), v[:, None], motor_torque=torque[:, None])
-    np.testing.assert_allclose(moved.a[:, 0], a, rtol=1e-10)
+    assert_allclose(moved.a[:, 0], a, rtol=1e-10)
 
 
 def test_an_added_gear_can_lose_more_or_nothing(tmp_path):
@@ -289,7 +288,7 @@ def test_an_added_gear_can_lose_more_or_nothing(tmp_path):
     for mine, other in zip(
         gear.with_losses(1.7).losses(), plain.with_losses(1.7).losses(), strict=True
     ):
-        np.testing.assert_allclose(mine.slopes, other.slopes, rtol=1e-12)
+        assert_allclose(mine.slopes, other.slopes, rtol=1e-12)
     unloaded = with_effects(scene, without=["gear"]).actuators[0].transmission
     assert [loss.slopes for loss in unloaded.losses()] == [(0.0,), (0.0,)]
 

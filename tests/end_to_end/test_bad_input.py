@@ -1,7 +1,5 @@
 """Every bad input ends in one line that names the culprit, exit code 2, and nothing written."""
 
-from __future__ import annotations
-
 import pytest
 from cli_cases import refused, told
 from cli_cases import run as command

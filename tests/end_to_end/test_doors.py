@@ -1,7 +1,5 @@
 """Some of the doors that `.ci/run` opens (`python tools/doors.py`), and that it opens all."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from pathlib import Path

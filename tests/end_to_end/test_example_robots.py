@@ -1,7 +1,5 @@
 """The robots of example-robot-data (69 in version 6, 77 in 5): which load, why others cannot."""
 
-from __future__ import annotations
-
 import warnings
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The fuzzer's short run, and that it sees what it looks for (`python tools/fuzz.py`: long)."""
 
-from __future__ import annotations
-
 import os
 
 import fuzz

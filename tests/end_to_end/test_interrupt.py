@@ -3,8 +3,6 @@
 The signal goes to the whole group of processes, as a terminal sends it.
 """
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess

@@ -1,7 +1,5 @@
 """What is chosen for whole machines with the bundled catalogue, beside the machines themselves."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from machines import MACHINES, rows

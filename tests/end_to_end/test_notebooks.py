@@ -1,7 +1,5 @@
 """The notebooks run from top to bottom, quickly, to the outputs they keep, on public names only."""
 
-from __future__ import annotations
-
 import ast
 import base64
 import io

@@ -3,8 +3,6 @@
 The kernel's own tables are read (`ss` is not everywhere), for this process and all its descendants.
 """
 
-from __future__ import annotations
-
 import os
 
 import pytest

@@ -3,8 +3,6 @@
 Every command against every file: as its result itself, and through links, in a folder.
 """
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

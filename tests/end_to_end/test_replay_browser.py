@@ -1,7 +1,5 @@
 """A replay's page in a real browser: what it draws at which time, and what its controls do."""
 
-from __future__ import annotations
-
 import io
 import json
 import shutil

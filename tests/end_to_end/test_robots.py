@@ -9,6 +9,7 @@ import pytest
 from builders import example
 from cli_cases import told
 from identify_cases import LOGS, needs_logs
+from numpy.testing import assert_allclose, assert_array_equal
 from scipy.io import loadmat
 from tables import table
 
@@ -51,34 +52,30 @@ def test_pendulum_is_the_papers():
     scene, _ = load("pendulum")
     model = scene.model
     assert list(model.names) == ["universe", "joint_1"]
-    np.testing.assert_array_equal(model.gravity.linear, [9.81, 0, 0])
+    assert_array_equal(model.gravity.linear, [9.81, 0, 0])
     assert model.inertias[1].mass == 1.0
     assert model.inertias[1].inertia[2, 2] == 0.4
     start = scene.simulation.start
     center, velocity, _ = com_motion(model, [start.q["joint_1"]], [start.v["joint_1"]])
-    np.testing.assert_allclose(center[0], [0.217, 0.125, 0], atol=6e-4)  # printed digits
-    np.testing.assert_allclose(velocity[0], [-0.125, 0.217, 0], atol=6e-4)
+    assert_allclose(center[0], [0.217, 0.125, 0], atol=6e-4)  # printed digits
+    assert_allclose(velocity[0], [-0.125, 0.217, 0], atol=6e-4)
 
 
 def test_three_link_is_the_papers():
     scene, _ = load("three_link")
     model = scene.model
     assert list(model.names) == ["universe", "joint_1", "joint_12", "joint_23"]
-    np.testing.assert_array_equal(model.gravity.linear, [0, -9.81, 0])
+    assert_array_equal(model.gravity.linear, [0, -9.81, 0])
     bodies = list(model.inertias)[1:]
     assert [body.mass for body in bodies] == [4.0, 3.0, 1.0]
     printed = [[0.5, 0.2, 0.5], [0.4, 0.4, 0.15], [0.1, 0.2, 0.2]]
     for body, moments in zip(bodies, printed, strict=True):
-        np.testing.assert_array_equal(body.inertia, np.diag(moments))
+        assert_array_equal(body.inertia, np.diag(moments))
     rates = [scene.simulation.start.v[name] for name in scene.joint_names]
     centers, velocities, angular = com_motion(model, np.zeros(3), rates)
-    np.testing.assert_allclose(
-        centers, [[0, 0.2, 0], [0, 0.4, -0.25], [0.15, 0.4, -0.5]], atol=1e-12
-    )
-    np.testing.assert_allclose(
-        velocities, [[-0.2, 0, 0], [-0.4, -0.25, 0], [-0.4, -0.35, -0.15]], atol=1e-12
-    )
-    np.testing.assert_allclose(angular, [[0, 0, 1], [-1, 0, 1], [-1, 1, 1]], atol=1e-12)
+    assert_allclose(centers, [[0, 0.2, 0], [0, 0.4, -0.25], [0.15, 0.4, -0.5]], atol=1e-12)
+    assert_allclose(velocities, [[-0.2, 0, 0], [-0.4, -0.25, 0], [-0.4, -0.35, -0.15]], atol=1e-12)
+    assert_allclose(angular, [[0, 0, 1], [-1, 0, 1], [-1, 1, 1]], atol=1e-12)
 
 
 @pytest.mark.parametrize("name", ["pendulum", "three_link"])
@@ -150,8 +147,8 @@ def test_csv_equals_the_way_points_it_came_from(name):
     table = pf.load_trajectory(path, scene)
     assert table.warnings == ()
     for key in ("t", "q", "v", "a"):
-        np.testing.assert_allclose(getattr(table, key), getattr(motion, key), rtol=1e-8, atol=1e-9)
-    np.testing.assert_array_equal(table.attached, motion.attached)
+        assert_allclose(getattr(table, key), getattr(motion, key), rtol=1e-8, atol=1e-9)
+    assert_array_equal(table.attached, motion.attached)
     assert table.holds() == motion.holds()
 
 
@@ -174,8 +171,8 @@ def test_the_box_goes_from_a_to_b_upright(name, frame, reach, picked, placed):
     carried = np.flatnonzero(motion.attached[:, 0])
     assert (np.diff(carried) == 1).all()
     bottom = np.array([pose.translation - [0, 0, reach] for pose in poses])
-    np.testing.assert_allclose(bottom[carried[0]], picked, atol=5e-4)
-    np.testing.assert_allclose(bottom[carried[-1] + 1], placed, atol=5e-4)
+    assert_allclose(bottom[carried[0]], picked, atol=5e-4)
+    assert_allclose(bottom[carried[-1] + 1], placed, atol=5e-4)
     assert (bottom[:, 2] > -5e-4).all()
     down = np.array([-pose.rotation[2, 2] for pose in poses])
     assert down[carried[[0, -1]]] == pytest.approx(1.0, abs=1e-3)
@@ -194,8 +191,8 @@ def test_the_ur10_takes_a_blank_from_tray_to_chuck_and_every_joint_turns_round()
         (carried[-1], (0.55, 0.75, 0.55), (0, 1, 0)),
     ):
         pin.framesForwardKinematics(scene.model, data, motion.q[sample])
-        np.testing.assert_allclose(data.oMf[frame].translation, place, atol=5e-4)
-        np.testing.assert_allclose(data.oMf[frame].rotation[:, 2], along, atol=1e-3)
+        assert_allclose(data.oMf[frame].translation, place, atol=5e-4)
+        assert_allclose(data.oMf[frame].rotation[:, 2], along, atol=1e-3)
     assert (motion.v.max(axis=0) > 0.5).all()
     assert (motion.v.min(axis=0) < -0.5).all()
     assert ((motion.v == 0).sum(axis=0) > 600).all()
@@ -221,7 +218,7 @@ def test_bearings_and_coulomb_together_are_what_was_identified(name, identified)
         friction.mu.kinetic * load + friction.coulomb.kinetic
         for friction, load in zip(scene.friction.values(), loads, strict=True)
     ]
-    np.testing.assert_allclose(kinetic, identified, atol=1.5e-3)
+    assert_allclose(kinetic, identified, atol=1.5e-3)
 
 
 @pytest.mark.parametrize("name", SCENES)
@@ -302,7 +299,7 @@ def test_friction_is_what_the_source_prints(name):
             scene.model, scene.model.createData(), np.zeros(nv), v[0], np.zeros(nv)
         )
         printed = [law(j, speed) for j in range(nv)]
-        np.testing.assert_allclose(opposing, printed, rtol=error, atol=1e-12)
+        assert_allclose(opposing, printed, rtol=error, atol=1e-12)
 
 
 @pytest.mark.filterwarnings("error::pinfric.errors.PinfricWarning")
@@ -352,9 +349,9 @@ def test_the_counterbalance_of_the_kr300_is_its_authors():
     length = np.sqrt(long**2 + short**2 - 2 * long * short * np.cos(angle))
     pressure = 1.01 * 296.8 * 328 * 0.159 / (0.00096 - (length - long + short) * area)
     torque = pressure * area * np.sin(angle) * long * short / length
-    np.testing.assert_allclose((held - free)[:, 1], torque, atol=1.0)
+    assert_allclose((held - free)[:, 1], torque, atol=1.0)
     others = [0, 2, 3, 4, 5]
-    np.testing.assert_allclose(held[:, others], free[:, others], atol=1e-9)
+    assert_allclose(held[:, others], free[:, others], atol=1e-9)
     assert np.abs(held[:, 1]).max() == pytest.approx(3239, abs=2)
     assert np.abs(free[:, 1]).max() == pytest.approx(5911, abs=2)
 
@@ -387,7 +384,7 @@ def test_a_recorded_motion_beside_its_bundled_scene(name, tmp_path):
     for which, printed in zip((scene, scene.with_(friction={})), RECORDED[name], strict=True):
         measured = judge_log(pf.inverse_dynamics(which, motion), motion.reading, at).measured
         errors = np.array([measured[joint].rms_error for joint in scene.joint_names]) / ratio
-        np.testing.assert_allclose(errors, printed, atol=0.06 if name == "ur10" else 0.006)
+        assert_allclose(errors, printed, atol=0.06 if name == "ur10" else 0.006)
 
 
 def test_every_measured_robot_is_listed(capsys):

@@ -1,7 +1,5 @@
 """The header as a controller's programmer meets it: names, arguments, what is refused."""
 
-from __future__ import annotations
-
 import os
 import re
 import subprocess
@@ -25,6 +23,7 @@ from export_cases import (
     rich,
     sampled,
 )
+from numpy.testing import assert_allclose, assert_array_equal
 
 import pinfric as pf
 from pinfric.dynamics.forward.compensation import CompensationOptions
@@ -296,8 +295,8 @@ def test_efforts_have_the_same_names_and_figures_in_both_languages():
         torques = ratio * [found.motor_torque_lower, found.motor_torque_upper]
         for end, expected in zip(("lower", "upper"), np.sort(torques, axis=0), strict=True):
             name = f"joint_effort_{end}"
-            np.testing.assert_array_equal(getattr(found, name), expected)
-            np.testing.assert_allclose(getattr(result, name)[i], expected, rtol=1e-9, atol=1e-9)
+            assert_array_equal(getattr(found, name), expected)
+            assert_allclose(getattr(result, name)[i], expected, rtol=1e-9, atol=1e-9)
     assert np.abs(result.joint_effort_upper - result.effort_upper).max() > 1.0
 
 
@@ -327,8 +326,8 @@ def test_a_limit_that_cuts_is_reported(headers):
     limit = np.abs(free["friction"]).mean(axis=0)
     cut = CompensationOptions(limit=limit)
     found = headers.ask(scene, q, v, a, options=cut)
-    np.testing.assert_array_equal(found["limited"] == 1.0, np.abs(free["friction"]) > limit)
-    np.testing.assert_array_equal(found["friction"], np.clip(free["friction"], -limit, limit))
+    assert_array_equal(found["limited"] == 1.0, np.abs(free["friction"]) > limit)
+    assert_array_equal(found["friction"], np.clip(free["friction"], -limit, limit))
     assert found["limited"].any()
 
 
@@ -369,7 +368,7 @@ def test_the_limit_of_joint_effort_covers_the_rigid_body(headers):
     at_shaft = np.abs(limit / [drive.ratio for drive in scene.drives])
     expected = np.clip(free["feed_forward"], -at_shaft, at_shaft)
     assert_columns(found["feed_forward"], expected, "cut")
-    np.testing.assert_array_equal(found["friction"], free["friction"])
+    assert_array_equal(found["friction"], free["friction"])
 
 
 def test_limits_of_joint_effort_are_the_robots():
@@ -428,7 +427,7 @@ def test_payloads_are_put_down_and_exchanged(tmp_path):
         full, still = configurations(scene, q), np.zeros_like(q)
         result = pf.inverse_dynamics(scene, full, still, still, attached=attached)
         P = result.effort_frictionless[0]
-        np.testing.assert_allclose(row, P, rtol=1e-12, atol=1e-12 * np.abs(P).max())
+        assert_allclose(row, P, rtol=1e-12, atol=1e-12 * np.abs(P).max())
 
 
 @needs_compiler
@@ -554,8 +553,8 @@ def test_the_plug_in_of_the_guide_commands_what_the_motion_takes(tmp_path):
     result = pf.inverse_dynamics(loaded, [q], [v], [a])
     ratio = np.array([drive.ratio for drive in scene.drives])
     rotor = np.array([drive.transmission.rotor_inertia for drive in scene.drives])
-    np.testing.assert_allclose(found[:6], ratio * result.motor_torque_lower[0], rtol=1e-10)
+    assert_allclose(found[:6], ratio * result.motor_torque_lower[0], rtol=1e-10)
     model = loaded.loaded_model()
     M = pin.crba(model, model.createData(), np.array(q))
     expected = np.triu(M) + np.triu(M, 1).T + np.diag(ratio**2 * rotor)
-    np.testing.assert_allclose(np.reshape(found[6:], (6, 6)), expected, atol=1e-9)
+    assert_allclose(np.reshape(found[6:], (6, 6)), expected, atol=1e-9)

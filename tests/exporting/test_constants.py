@@ -1,13 +1,12 @@
 """Constants in place of friction: worked out by hand, none better, the worst sample."""
 
-from __future__ import annotations
-
 import re
 
 import numpy as np
 import pytest
 from builders import dry, sliding_block
 from export_cases import moved
+from numpy.testing import assert_allclose
 
 import pinfric as pf
 
@@ -20,10 +19,10 @@ def test_what_is_constant_comes_back():
     (joint,) = pf.export(scene, moved(scene)).joints
     found = [joint.frictionloss, joint.damping, joint.armature]
     wanted = [3.0 + 50.0 * 0.02, 2.0 + 50.0**2 * 1e-3, 50.0**2 * 2e-4]
-    np.testing.assert_allclose(found, wanted, rtol=1e-12)
+    assert_allclose(found, wanted, rtol=1e-12)
     assert joint.error_peak < 1e-12
     assert (joint.unit, joint.ratio, joint.apart) == ("N", -50.0, True)
-    np.testing.assert_allclose([joint.rest_lower, joint.rest_upper], [-4.0, 4.0])
+    assert_allclose([joint.rest_lower, joint.rest_upper], [-4.0, 4.0])
 
 
 def test_no_constant_is_negative_and_none_fits_better():

@@ -1,7 +1,5 @@
 """The controller's limits, its written test, how far friction is known."""
 
-from __future__ import annotations
-
 import re
 import subprocess
 

@@ -1,7 +1,5 @@
 """The C++ compensator, compiled: it is inverse dynamics, passive, and refused by name."""
 
-from __future__ import annotations
-
 import subprocess
 
 import compensator_time
@@ -29,6 +27,7 @@ from export_cases import (
     worm,
 )
 from mechanisms import four_bar
+from numpy.testing import assert_allclose, assert_array_equal
 
 import pinfric as pf
 from pinfric.dynamics.forward.compensation import CompensationOptions
@@ -54,7 +53,7 @@ def assert_is_inverse(found, result):
     assert (found["good"] == 1.0).all()
     for name in COMPARED:
         assert_columns(found[name], getattr(result, name), name)
-    np.testing.assert_array_equal(found["sticking"] == 1.0, result.sticking)
+    assert_array_equal(found["sticking"] == 1.0, result.sticking)
     if result.wrench is not None:
         assert_columns(found["wrench"], result.wrench.reshape(len(found["wrench"]), -1), "wrench")
 
@@ -115,7 +114,7 @@ def test_payload_and_wrench_at_run_time(headers):
         found = solver.compensate(
             full[i], v[i], a[i], v[i], options=WHOLE, external={"link_5": wrench}
         )
-        np.testing.assert_allclose(found, carried["friction"][i], rtol=1e-10, atol=1e-10)
+        assert_allclose(found, carried["friction"][i], rtol=1e-10, atol=1e-10)
 
 
 def test_a_wrench_is_replaced_and_a_payload_added(headers):
@@ -125,7 +124,7 @@ def test_a_wrench_is_replaced_and_a_payload_added(headers):
     place = default_frames(scene).index("link_5")
     plain = headers.ask(scene, q, v, a)
     again = headers.ask(scene, q, v, a, wrenches=[(place, push), (place, 0.0 * push)])
-    np.testing.assert_array_equal(plain["effort_lower"], again["effort_lower"])
+    assert_array_equal(plain["effort_lower"], again["effort_lower"])
     half = place, 0.5 * tool.mass, tool.com, 0.5 * np.array(tool.inertia)
     whole = place, tool.mass, tool.com, tool.inertia
     twice, once = (headers.ask(scene, q, v, a, payloads=p) for p in ([half, half], [whole]))
@@ -153,7 +152,7 @@ def test_payloads_that_cannot_be_are_refused_and_change_nothing(headers, payload
     q, v, a = sampled(scene, 6, 5)
     found, plain = headers.ask(scene, q, v, a, payloads=[payload]), headers.ask(scene, q, v, a)
     assert (found["good"][:, 0] == 0.0).all()
-    np.testing.assert_array_equal(found["effort_lower"], plain["effort_lower"])
+    assert_array_equal(found["effort_lower"], plain["effort_lower"])
 
 
 def judge_passive(headers, scene, options, states=40):
@@ -256,7 +255,7 @@ def test_power_is_watched(headers):
         assert ((found - lost) * rate).max() <= 0.5 + 1e-9
         assert ((loose - lost) * rate).max() > 1.0
         within = (loose - lost) * rate <= 0.5
-        np.testing.assert_array_equal(found[within], loose[within])
+        assert_array_equal(found[within], loose[within])
 
 
 def test_hold_asks_for_break_away_and_fades_as_the_joint_slips(headers):
@@ -305,7 +304,7 @@ def test_what_is_not_finite_gives_false_and_zeros(headers, place, wrong):
     ]
     names = ["rigid_body", "feed_forward", "sticking", "wrench", *COMPARED]
     for name in ("friction", "joint_effort", *(names if whole else ())):
-        np.testing.assert_array_equal(found[name][1], 0.0)
+        assert_array_equal(found[name][1], 0.0)
     arguments = [configurations(scene, q)[1], *(x[1] for x in state[1:])]
     if place in ("q", "v", "a", "v_ref"):
         with pytest.raises(PinfricError):

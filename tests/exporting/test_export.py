@@ -1,7 +1,5 @@
 """Constants by hand, against MuJoCo, and read back; what cannot be exported, by name."""
 
-from __future__ import annotations
-
 import json
 import re
 

@@ -1,7 +1,5 @@
 """MJCF against MuJoCo itself."""
 
-from __future__ import annotations
-
 import dataclasses
 import re
 

@@ -1,7 +1,5 @@
 """Load-dependent friction inside MuJoCo: against `pf.simulate`, limits, and what is refused."""
 
-from __future__ import annotations
-
 from contextlib import nullcontext
 
 import mujoco

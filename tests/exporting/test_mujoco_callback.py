@@ -1,7 +1,5 @@
 """The compiled friction that MuJoCo calls: it is that of `step`, in rollouts and threads, too."""
 
-from __future__ import annotations
-
 import shutil
 from contextlib import nullcontext
 
@@ -14,6 +12,7 @@ from export_cases import geared, needs_compiler
 from mechanisms import pin_friction, shifted
 from mujoco.rollout import rollout
 from mujoco_bridge import loaded, made, random_motion, slider
+from numpy.testing import assert_allclose, assert_array_equal
 
 import pinfric as pf
 from pinfric.errors import PinfricError
@@ -119,11 +118,11 @@ def test_the_callback_is_the_step(case):
         for k, control in enumerate(controls):
             data.ctrl[:] = control
             mujoco.mj_step(friction.model, data)
-            np.testing.assert_allclose(data.qpos, places[k], rtol=0, atol=1e-12)
-            np.testing.assert_array_equal(friction.sticking(data), stuck[k])
+            assert_allclose(data.qpos, places[k], rtol=0, atol=1e-12)
+            assert_array_equal(friction.sticking(data), stuck[k])
             if expected is not None:
                 used = data.efc_frictionloss[np.isin(data.efc_id, friction.dofs)][: len(expected)]
-                np.testing.assert_allclose(used, expected, rtol=1e-12)
+                assert_allclose(used, expected, rtol=1e-12)
             expected = friction.limit(data)
 
 
@@ -146,9 +145,9 @@ def test_rollouts_in_threads_are_loops():
         pool = [mujoco.MjData(model) for _ in range(3)]
         for _ in range(2):  # data that were used before, too
             found, _ = rollout(model, pool, np.tile(state, (9, 1)), several, chunk_size=1)
-            np.testing.assert_allclose(found[:, -1, 1 : 1 + nq], wanted, rtol=0, atol=1e-12)
+            assert_allclose(found[:, -1, 1 : 1 + nq], wanted, rtol=0, atol=1e-12)
         short, _ = rollout(model, pool[0], np.tile(state, (9, 1)), several[:, :1])
-        np.testing.assert_array_equal(short[:, 0], found[:, 0])
+        assert_array_equal(short[:, 0], found[:, 0])
 
 
 @needs_compiler
@@ -164,7 +163,7 @@ def test_forward_between_steps_changes_nothing():
                 for _ in range(calls):
                     mujoco.mj_forward(friction.model, data)
         ends.append(data.qpos.copy())
-    np.testing.assert_allclose(ends[0], ends[1], rtol=0, atol=1e-9)
+    assert_allclose(ends[0], ends[1], rtol=0, atol=1e-9)
 
 
 @needs_compiler
@@ -178,7 +177,7 @@ def test_other_models_are_left_alone():
             for _ in range(100):
                 mujoco.mj_step(other, data)
         ends.append(data.qpos.copy())
-    np.testing.assert_array_equal(*ends)
+    assert_array_equal(*ends)
 
 
 @needs_compiler

@@ -1,13 +1,12 @@
 """SDF: read back by its own rules, and by Drake where it is installed."""
 
-from __future__ import annotations
-
 import xml.etree.ElementTree as ElementTree
 
 import numpy as np
 import pinocchio as pin
 import pytest
 from builders import random_states, random_tree
+from numpy.testing import assert_allclose
 
 import pinfric as pf
 
@@ -60,7 +59,7 @@ def test_it_is_the_same_robot(seed):
     for k in range(5):
         wanted = pin.rnea(model, data, q[k], v[k], a[k])
         found = pin.rnea(made, made.createData(), angles[k], v[k], a[k])
-        np.testing.assert_allclose(found, wanted, rtol=1e-9, atol=1e-9)
+        assert_allclose(found, wanted, rtol=1e-9, atol=1e-9)
 
 
 def test_constants_limits_and_errors_are_there():
@@ -72,7 +71,7 @@ def test_constants_limits_and_errors_are_there():
         assert numbers(dynamics, "friction")[0] == joint.frictionloss
         assert numbers(dynamics, "damping")[0] == joint.damping
     lower = [numbers(joint, "axis/limit/lower")[0] for joint in root.findall("joint")]
-    np.testing.assert_allclose(lower, scene.model.lowerPositionLimit)
+    assert_allclose(lower, scene.model.lowerPositionLimit)
     assert made.text.count("; error rms ") == 6
     for joint, drive in zip(root.findall("joint"), scene.drives, strict=True):  # Drake's own tags
         tags = [joint.find(f"{{drake.mit.edu}}{tag}") for tag in ("rotor_inertia", "gear_ratio")]
@@ -152,4 +151,4 @@ def test_drake_reads_it(tmp_path):
     wanted = pin.rnea(model, model.createData(), q, v, a)
     damping = np.array([joint.damping for joint in made.joints])
     rotors = np.array([d.ratio**2 * d.transmission.rotor_inertia for d in scene.drives])
-    np.testing.assert_allclose(found, wanted + damping * v + rotors * a, rtol=1e-9, atol=1e-9)
+    assert_allclose(found, wanted + damping * v + rotors * a, rtol=1e-9, atol=1e-9)

@@ -1,7 +1,5 @@
 """The scene's own URDF, written and read back."""
 
-from __future__ import annotations
-
 import dataclasses
 import warnings
 import xml.etree.ElementTree as ElementTree
@@ -11,6 +9,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from export_cases import moved
+from numpy.testing import assert_allclose
 
 import pinfric as pf
 
@@ -29,9 +28,7 @@ def test_a_urdf_read_back_misses_what_was_stated(tmp_path):
     again = pf.load_scene(tmp_path / "again.yaml")
     same = scene.loaded_model()
     for ours, theirs in zip(again.model.inertias, same.inertias, strict=True):
-        np.testing.assert_allclose(
-            ours.toDynamicParameters(), theirs.toDynamicParameters(), atol=1e-12
-        )
+        assert_allclose(ours.toDynamicParameters(), theirs.toDynamicParameters(), atol=1e-12)
     efforts = pf.inverse_dynamics(again, motion.q, motion.v, motion.a, t=motion.t)
     wanted = pf.inverse_dynamics(scene, motion)
     for d, joint in enumerate(made.joints):
@@ -106,4 +103,4 @@ def test_locked_joints_are_fixed_where_they_are_locked(tmp_path, kind):
     again = pin.buildModelFromXML(made.text)
     assert tuple(again.names)[1:] == ("free",)
     for ours, theirs in zip(again.jointPlacements, scene.model.jointPlacements, strict=True):
-        np.testing.assert_allclose(ours.homogeneous, theirs.homogeneous, atol=1e-12)
+        assert_allclose(ours.homogeneous, theirs.homogeneous, atol=1e-12)

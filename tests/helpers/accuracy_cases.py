@@ -1,7 +1,5 @@
 """What the tests of accuracy share."""
 
-from __future__ import annotations
-
 from functools import cache
 
 import pytest

@@ -1,7 +1,5 @@
 """Small models that several tests share, built in Python so that every number is in sight."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Iterable
 

@@ -4,8 +4,6 @@ Forward dynamics and simulation use the same scenes; `tests/judges/test_cases_in
 what inverse dynamics must make of them.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from typing import Any
 

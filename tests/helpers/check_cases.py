@@ -1,7 +1,5 @@
 """What the tests of checking share."""
 
-from __future__ import annotations
-
 from pinfric.checking.findings import Severity
 
 

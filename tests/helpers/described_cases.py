@@ -1,7 +1,5 @@
 """What the tests of model share."""
 
-from __future__ import annotations
-
 from pinfric.model.described import (
     EFFORT,
     derived,

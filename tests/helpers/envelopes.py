@@ -1,7 +1,5 @@
 """What `--json` prints, held against the schema that `pinfric schema result` prints."""
 
-from __future__ import annotations
-
 import json
 from functools import cache
 

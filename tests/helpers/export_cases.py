@@ -1,7 +1,5 @@
 """What the tests of exporting share."""
 
-from __future__ import annotations
-
 import atexit
 import shutil
 import subprocess

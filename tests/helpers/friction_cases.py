@@ -1,7 +1,5 @@
 """What the tests of friction share."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 from mechanisms import (

@@ -1,7 +1,5 @@
 """Logs with known truth: a UR5 with friction that depends on load, measured as robots measure."""
 
-from __future__ import annotations
-
 import tempfile
 from dataclasses import dataclass
 from functools import cache

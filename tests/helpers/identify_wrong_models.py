@@ -4,8 +4,6 @@ Each case alters the UR5 of identify_cases.py, or how it is measured, in one way
 that a scene can say keep their true values, so coverage is counted as it is without the change.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import cache
 

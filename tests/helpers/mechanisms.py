@@ -1,7 +1,5 @@
 """Closed mechanisms built in Python, every number in sight; `cases.py` makes scenes of them."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 from builders import random_inertia

@@ -1,7 +1,5 @@
 """What the tests of paper share."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -3,8 +3,6 @@
 `PINFRIC_PRINTED=write pytest ...` writes them anew: read the difference before it is committed.
 """
 
-from __future__ import annotations
-
 import os
 import re
 from pathlib import Path

@@ -1,7 +1,5 @@
 """What Linux says of a process, of those below it and of the ports they listen on."""
 
-from __future__ import annotations
-
 import ipaddress
 import os
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Arms that are rated: published ones, and one of every kind of joint."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from machines import RATED, rated

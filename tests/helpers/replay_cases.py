@@ -1,7 +1,5 @@
 """What the tests of show/replay share."""
 
-from __future__ import annotations
-
 import json
 import re
 from functools import cache

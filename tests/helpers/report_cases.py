@@ -1,7 +1,5 @@
 """What the tests of show/report share."""
 
-from __future__ import annotations
-
 import io
 
 from rich.console import Console

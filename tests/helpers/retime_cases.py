@@ -1,7 +1,5 @@
 """What the tests of retiming share."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 from builders import chain, lump

@@ -1,7 +1,5 @@
 """What the tests of model share."""
 
-from __future__ import annotations
-
 import pytest
 
 from pinfric.model.robot import example_robot_data

@@ -1,7 +1,5 @@
 """What the tests of dynamics/simulation share."""
 
-from __future__ import annotations
-
 import numpy as np
 from builders import block, lump, plane_friction, row
 from mechanisms import pin_friction

@@ -1,7 +1,5 @@
 """One turntable with a trapezoidal cycle, worked out by hand, and a catalogue of one drive."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import yaml

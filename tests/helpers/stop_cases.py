@@ -1,7 +1,5 @@
 """One axis and an arm of two that tests of stops share."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 from builders import chain, lump

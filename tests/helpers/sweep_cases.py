@@ -1,7 +1,5 @@
 """Sweeps whose figures can be worked out by hand: a block pushed along a plane."""
 
-from __future__ import annotations
-
 from functools import cache
 
 import builders

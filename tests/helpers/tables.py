@@ -1,7 +1,5 @@
 """Tables of cases as text: a row a line, its columns two spaces or more apart."""
 
-from __future__ import annotations
-
 import re
 
 

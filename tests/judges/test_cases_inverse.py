@@ -1,4 +1,4 @@
-"""The hard cases of tests/helpers/cases.py under inverse dynamics: each asserts a number or a property.
+"""The hard cases of `helpers/cases.py` under inverse dynamics: each asserts a number or a property.
 
 Every case is there for a safeguard. Each comment names it and what happens when it is taken out,
 as tried once by editing the source.

@@ -1,7 +1,5 @@
 """Kernels outlive a damaged cache; what compiles is said, what is cached is not."""
 
-from __future__ import annotations
-
 import os
 import re
 import runpy

@@ -1,7 +1,5 @@
 """Kernels are plain Python until compiling them pays, with the same results."""
 
-from __future__ import annotations
-
 import os
 import resource
 import subprocess
@@ -12,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 import pinocchio as pin
 import pytest
+from numpy.testing import assert_allclose
 
 import pinfric as pf
 from pinfric.dynamics.forward.solver import make_sample, rub
@@ -135,9 +134,9 @@ def test_inverse_dynamics_of_one_state_can_be_interpreted(name):
     assert interpreted.plain(rub)(x, *motion)
     rnea = pin.rnea(scene.model, scene.twin().model.createData(), x.q, x.v[0], x.a[0])
     found = x.found
-    np.testing.assert_allclose(found.effort_frictionless[0], rnea, rtol=1e-9, atol=1e-9)
+    assert_allclose(found.effort_frictionless[0], rnea, rtol=1e-9, atol=1e-9)
     lost = (found.effort_lower[0] - found.effort_frictionless[0]) @ x.v[0]
-    np.testing.assert_allclose(lost, -(found.friction_lower[0] @ found.velocity[0]), rtol=1e-12)
+    assert_allclose(lost, -(found.friction_lower[0] @ found.velocity[0]), rtol=1e-12)
     assert lost > 0.0
 
 
@@ -199,7 +198,7 @@ def test_interpreted_and_compiled_agree(tmp_path):
     a = np.array([float(x) for x in cold.split()])
     b = np.array([float(x) for x in compiled.split()])
     assert len(a) == len(b) > 20
-    np.testing.assert_allclose(a, b, rtol=1e-12, atol=1e-12 * np.abs(b).max())
+    assert_allclose(a, b, rtol=1e-12, atol=1e-12 * np.abs(b).max())
 
 
 @pytest.mark.slow

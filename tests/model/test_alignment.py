@@ -1,7 +1,5 @@
 """Mechanisms as files round them: what is made parallel, what is refused, what stays the same."""
 
-from __future__ import annotations
-
 import pickle
 import warnings
 
@@ -10,6 +8,7 @@ import pinocchio as pin
 import pytest
 from judges.verdict import judge
 from mechanisms import FOUR_BAR, crank_rates, cut_slider_crank, four_bar, pin_friction
+from numpy.testing import assert_allclose
 
 import pinfric as pf
 from pinfric.dynamics.samples.closure import complete_configurations, consistent_motion
@@ -108,8 +107,8 @@ def test_a_four_bar_with_rounded_angles_moves_as_the_exact_one(tmp_path, kind, d
     size = np.abs(results[0].effort_lower).max()
     for name in ("effort_lower", "effort_upper", "normal_load"):
         ours, theirs = (getattr(result, name) for result in results)
-        np.testing.assert_allclose(ours, theirs, atol=1e-5 * size)
-    np.testing.assert_allclose(ends[1].q[-1], ends[0].q[-1], atol=1e-5)
+        assert_allclose(ours, theirs, atol=1e-5 * size)
+    assert_allclose(ends[1].q[-1], ends[0].q[-1], atol=1e-5)
     again, said = quietly(pf.load_scene, tmp_path / "scene.yaml")
     same, said = quietly(rounded.with_, gravity=[0, 0, -9.0])
     assert not said  # once is enough
@@ -135,7 +134,7 @@ def test_every_placement_off_by_a_little_is_still_the_mechanism(cut, angle):
         result = pf.inverse_dynamics(scene, q, *consistent_motion(scene, q, [known], *rates))
         found.append((result.effort_lower, result.normal_load))
     for ours, theirs in zip(*found, strict=True):
-        np.testing.assert_allclose(ours, theirs, atol=20 * angle * np.abs(theirs).max())
+        assert_allclose(ours, theirs, atol=20 * angle * np.abs(theirs).max())
 
 
 def test_rounded_offsets_along_the_pins_are_shifted_away(tmp_path):
@@ -147,7 +146,7 @@ def test_rounded_offsets_along_the_pins_are_shifted_away(tmp_path):
     assert shifted.loops[0].b.xyz == pytest.approx((0.25, 0.0, 0.0), abs=1e-13)
     q, v, a = motion(shifted)
     ours, theirs = (pf.inverse_dynamics(scene, q, v, a).effort_lower for scene in (shifted, exact))
-    np.testing.assert_allclose(ours, theirs, rtol=1e-5)
+    assert_allclose(ours, theirs, rtol=1e-5)
     cannot = r"loops\[0\] \(rocker_pin\): cannot close: .* 0\.002 m.*loop_tol"
     with pytest.raises(SceneError, match=cannot):
         written(tmp_path, "revolute", EXACT, offset="0.002")

@@ -1,7 +1,5 @@
 """Normal loads: closed forms, limits, and the kernel against formulas written out in NumPy."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest

@@ -1,7 +1,5 @@
 """A field of a result is described once: JSON, table, page, reference and the rest have it."""
 
-from __future__ import annotations
-
 import dataclasses
 from importlib import import_module
 from pathlib import Path

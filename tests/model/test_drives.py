@@ -1,7 +1,5 @@
 """Transmissions in all quadrants, by hand."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest

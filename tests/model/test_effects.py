@@ -1,7 +1,5 @@
 """Effects: which are on, what is left when they are taken out, and what is then not evaluated."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np
@@ -10,6 +8,7 @@ import pytest
 from builders import random_states, random_tree
 from cases import drawer_scene, turning_four_bar
 from mechanisms import pin_friction
+from numpy.testing import assert_allclose
 
 import pinfric as pf
 from pinfric.dynamics.inverse import interval_ends, linkage_batch
@@ -95,8 +94,8 @@ def test_nothing_kept_is_pinocchios_rnea():
     data = scene.model.createData()
     expected = np.array([pin.rnea(scene.model, data, *s) for s in zip(q, v, a, strict=True)])
     found = pf.inverse_dynamics(scene, q, v, a)
-    np.testing.assert_allclose(found.effort_upper, expected, rtol=0, atol=1e-11)
-    np.testing.assert_allclose(found.motor_torque_upper * 50.0, expected, rtol=0, atol=1e-11)
+    assert_allclose(found.effort_upper, expected, rtol=0, atol=1e-11)
+    assert_allclose(found.motor_torque_upper * 50.0, expected, rtol=0, atol=1e-11)
     assert scene.site_names == ()
 
 

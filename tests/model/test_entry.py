@@ -1,7 +1,5 @@
 """Entries of files: every problem at once, any value read or refused in one line."""
 
-from __future__ import annotations
-
 import re
 
 import pytest

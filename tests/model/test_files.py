@@ -1,7 +1,5 @@
 """All files or none, and the folder that was there before."""
 
-from __future__ import annotations
-
 import os
 import stat
 

@@ -1,12 +1,11 @@
 """Viscous friction that is a power of the speed, coefficient |v|^exponent."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import yaml
 from builders import sliding_block
 from judges.verdict import judge
+from numpy.testing import assert_allclose
 from tables import table
 
 import pinfric as pf
@@ -36,12 +35,8 @@ def test_effort_at_a_speed_has_the_closed_form_and_its_judge_agrees():
     v = np.array([2.0, -0.3, 0.0])
     result = pf.inverse_dynamics(scene, np.zeros((3, 1)), v[:, None], np.full((3, 1), 0.5))
     moved = np.sign(v[:2]) * (1.0 + DRAG * np.abs(v[:2]) ** POWER)
-    np.testing.assert_allclose(
-        result.effort_lower[:, 0], 0.5 * M + np.append(moved, -3.0), rtol=1e-14
-    )
-    np.testing.assert_allclose(
-        result.effort_upper[:, 0], 0.5 * M + np.append(moved, 3.0), rtol=1e-14
-    )
+    assert_allclose(result.effort_lower[:, 0], 0.5 * M + np.append(moved, -3.0), rtol=1e-14)
+    assert_allclose(result.effort_upper[:, 0], 0.5 * M + np.append(moved, 3.0), rtol=1e-14)
     assert judge(result).passed()
 
 
@@ -50,7 +45,7 @@ def test_drag_at_rest_is_none_and_below_a_micrometre_per_second_a_straight_line(
     v = np.array([0.0, 1e-7, -5e-7, 1e-6])
     result = pf.inverse_dynamics(scene, np.zeros((4, 1)), v[:, None], np.zeros((4, 1)))
     expected = DRAG * v * 1e-6 ** (POWER - 1.0)
-    np.testing.assert_allclose(result.effort_lower[:, 0], expected, rtol=1e-12)
+    assert_allclose(result.effort_lower[:, 0], expected, rtol=1e-12)
     assert judge(result).passed()
 
 
@@ -61,7 +56,7 @@ def test_a_body_runs_out_in_finite_time_and_stays(method, tolerance):
     stops = M / ((1 - POWER) * DRAG)
     motion = pf.simulate(scene, [0.0], [1.0], [0.0], 1.2 * stops, method)
     expected = np.maximum(1 - motion.t / stops, 0.0) ** (1 / (1 - POWER))
-    np.testing.assert_allclose(motion.v[:, 0], expected, rtol=0, atol=tolerance)
+    assert_allclose(motion.v[:, 0], expected, rtol=0, atol=tolerance)
 
 
 WRONG = r"""

@@ -1,7 +1,5 @@
 """Names of files where a scene, a model or a motion is wanted: the error says how to load them."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Friction behind a gear's spring against the hysteresis that its maker states."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

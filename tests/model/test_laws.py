@@ -1,7 +1,5 @@
 """Friction laws: values by hand, thresholds from both sides, kernel against plain NumPy."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from builders import (

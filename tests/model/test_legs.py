@@ -1,7 +1,5 @@
 """Robots with legs that hang by a fixed base are named; arms, hands and floating robots are not."""
 
-from __future__ import annotations
-
 import re
 
 import numpy as np

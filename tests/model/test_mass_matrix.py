@@ -1,11 +1,10 @@
 """Mass matrices and Jacobians of a batch against Pinocchio, one configuration at a time."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest
 from builders import chain, lump, random_inertia, random_states, random_tree
+from numpy.testing import assert_allclose, assert_array_equal
 
 import pinfric as pf
 from pinfric.model.equivalent_box import equivalent_box
@@ -27,7 +26,7 @@ def test_random_trees(seed):
     model = random_tree(seed, joints=7)
     q = random_states(model, seed, 8)[0]
     found = mass_matrices(make_twin(model), q)
-    np.testing.assert_allclose(found, [by_rnea(model, x) for x in q], atol=1e-12)
+    assert_allclose(found, [by_rnea(model, x) for x in q], atol=1e-12)
 
 
 def test_joints_of_many_degrees_and_mimic_joints():
@@ -36,7 +35,7 @@ def test_joints_of_many_degrees_and_mimic_joints():
         [pin.randomConfiguration(model, -np.ones(model.nq), np.ones(model.nq)) for _ in range(3)]
     )
     found = mass_matrices(make_twin(model), q)
-    np.testing.assert_allclose(found, [by_rnea(model, x) for x in q], atol=1e-10)
+    assert_allclose(found, [by_rnea(model, x) for x in q], atol=1e-10)
     links = [
         (f"joint_{k}", turn(), random_inertia(np.random.default_rng(k)), [0.1, 0.2, 0.3])
         for k, turn in enumerate((pin.JointModelRX, pin.JointModelRY, pin.JointModelRX))
@@ -44,15 +43,15 @@ def test_joints_of_many_degrees_and_mimic_joints():
     led = pin.transformJointIntoMimic(chain(*links), 1, 3, -0.7, 0.1)
     q = random_states(led, 2, 4)[0]
     found = mass_matrices(make_twin(led), q)
-    np.testing.assert_allclose(found, [by_rnea(led, x) for x in q], atol=1e-12)
+    assert_allclose(found, [by_rnea(led, x) for x in q], atol=1e-12)
 
 
 def test_samples_that_repeat_are_computed_once_and_payloads_count():
     scene = pf.load_scene("ur10_machine_tending")
     q = np.repeat(random_states(scene.model, 0, 3)[0], 2, axis=0)
     light, heavy = (mass_matrices(scene.twin(names), q) for names in ([], ["blank"]))
-    np.testing.assert_array_equal(light[::2], light[1::2])
-    np.testing.assert_allclose(heavy[2], by_rnea(scene.loaded_model(["blank"]), q[2]), atol=1e-10)
+    assert_array_equal(light[::2], light[1::2])
+    assert_allclose(heavy[2], by_rnea(scene.loaded_model(["blank"]), q[2]), atol=1e-10)
     assert (heavy[:, 0, 0] > light[:, 0, 0]).all()
 
 
@@ -64,7 +63,7 @@ def test_frames():
     expected = [
         pin.computeFrameJacobian(model, data, x, frame, pin.LOCAL_WORLD_ALIGNED).copy() for x in q
     ]
-    np.testing.assert_allclose(frame_jacobians(twin, q, frame), expected, atol=1e-13)
+    assert_allclose(frame_jacobians(twin, q, frame), expected, atol=1e-13)
     assert not frame_jacobians(twin, q, ground).any()
 
 
@@ -84,11 +83,11 @@ def test_box_of_equal_inertia_has_the_bodys_moments():
     moments = mass / 12 * (edges @ edges - edges**2)
     body = pin.Inertia(mass, np.array([0.1, 0.2, 0.3]), turn @ np.diag(moments) @ turn.T)
     box = equivalent_box(body)
-    np.testing.assert_allclose(np.sort(box.edges), np.sort(edges), rtol=1e-9)
+    assert_allclose(np.sort(box.edges), np.sort(edges), rtol=1e-9)
     axes = box.placement.rotation
     back = axes @ np.diag(mass / 12 * (box.edges @ box.edges - box.edges**2)) @ axes.T
-    np.testing.assert_allclose(back, body.inertia, atol=1e-12)
-    np.testing.assert_array_equal(box.placement.translation, body.lever)
+    assert_allclose(back, body.inertia, atol=1e-12)
+    assert_array_equal(box.placement.translation, body.lever)
     assert equivalent_box(pin.Inertia.Zero()) is None
 
 
@@ -98,4 +97,4 @@ def test_an_inertia_without_mass_is_no_box_beyond_every_machine(mass, drawn):
     box = equivalent_box(lump(mass, moment=0.1))
     assert (box is not None) == drawn
     if drawn:
-        np.testing.assert_allclose(box.edges, np.sqrt(0.6), rtol=1e-12)
+        assert_allclose(box.edges, np.sqrt(0.6), rtol=1e-12)

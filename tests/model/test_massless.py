@@ -1,7 +1,5 @@
 """Joints that move no mass, in every computation: an arm whose gripper's finger weighs nothing."""
 
-from __future__ import annotations
-
 import re
 
 import mujoco
@@ -10,6 +8,7 @@ import pinocchio as pin
 import pytest
 from builders import chain
 from cases import slider_crank
+from numpy.testing import assert_allclose
 from sizing_cases import GEAR, MOTOR, write_catalog
 
 import pinfric as pf
@@ -88,8 +87,8 @@ def test_efforts_do_not_depend_on_it():
     v[:, 0] = 0.0
     found = pf.inverse_dynamics(arm(friction={}), q, v, a)
     wanted = -4.905 * np.cos(q[:, 0]) + 0.1666 * a[:, 0]
-    np.testing.assert_allclose(found.effort_frictionless[:, 0], wanted, atol=1e-13)
-    np.testing.assert_allclose(found.effort_frictionless[:, 1], 0.0, atol=1e-13)
+    assert_allclose(found.effort_frictionless[:, 0], wanted, atol=1e-13)
+    assert_allclose(found.effort_frictionless[:, 1], 0.0, atol=1e-13)
 
 
 @pytest.mark.parametrize("finger", [None, point([0, 0, 0])])
@@ -101,7 +100,7 @@ def test_it_is_held_where_it_starts(method, finger):
         motion = pf.simulate(scene, [0.3, 0.7], [1.0, 5.0], [0.5, 0.25], 0.5, method)
     fixed = pin.buildReducedModel(scene.model, [2], np.array([0.3, 0.7]))
     alone = pf.simulate(pf.Scene(fixed), [0.3], [1.0], [0.5], 0.5, method)
-    np.testing.assert_allclose(motion.q[-1], [alone.q[-1, 0], 0.7], rtol=0, atol=1e-9)
+    assert_allclose(motion.q[-1], [alone.q[-1, 0], 0.7], rtol=0, atol=1e-9)
     assert not motion.v[:, 1].any()
 
 
@@ -119,7 +118,7 @@ def test_more_than_its_friction_is_refused(method, effort, friction):
 
 def test_forward_dynamics_is_that_of_the_arm_alone():
     found = pf.forward_dynamics(arm(), [0.3, 0.1], [0.5, 2.0], [1.0, -0.29])
-    np.testing.assert_allclose(found.a, [(1.0 + 4.905 * np.cos(0.3)) / 0.1666, 0.0], rtol=1e-12)
+    assert_allclose(found.a, [(1.0 + 4.905 * np.cos(0.3)) / 0.1666, 0.0], rtol=1e-12)
     assert found.friction[0] == pytest.approx(0.29)
     with pytest.raises(PinfricError, match="grip moves no mass"):
         pf.forward_dynamics(arm(), [0.3, 0.1], [0.5, 0.0], [1.0, -0.31])

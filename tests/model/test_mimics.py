@@ -1,7 +1,5 @@
 """Mimic joints against a projection of the robot without them, and joints that are locked."""
 
-from __future__ import annotations
-
 import itertools
 import re
 import warnings
@@ -9,6 +7,7 @@ import warnings
 import numpy as np
 import pinocchio as pin
 import pytest
+from numpy.testing import assert_allclose
 from robot_cases import INERTIA, joint, link, urdf
 
 from pinfric.errors import PinfricWarning, RobotError
@@ -90,10 +89,10 @@ def test_mimics_are_a_projection_of_the_robot_without_them(tmp_path, seed):
     q = pin.integrate(model, pin.neutral(model), angle)
     moved = K @ angle + o
     effort = K.T @ pin.rnea(full, full.createData(), moved, K @ v, K @ a)
-    np.testing.assert_allclose(pin.rnea(model, model.createData(), q, v, a), effort, atol=1e-10)
+    assert_allclose(pin.rnea(model, model.createData(), q, v, a), effort, atol=1e-10)
     M = pin.crba(full, full.createData(), moved)
     M = np.triu(M) + np.triu(M, 1).T
-    np.testing.assert_allclose(mass_matrix(model, q), K.T @ M @ K, atol=1e-10)
+    assert_allclose(mass_matrix(model, q), K.T @ M @ K, atol=1e-10)
 
 
 def chain(name, laws):
@@ -147,7 +146,7 @@ def test_a_follower_of_what_stands_stands_at_its_offset(tmp_path, leader, law, w
         model = read_robot(urdf(tmp_path, *PAIR, *parts, *turning), {}).model
     assert "q" not in list(model.names)
     placement = model.frames[model.getFrameId("b")].placement
-    np.testing.assert_allclose(placement.rotation, pin.rpy.rpyToMatrix(0, 0, law[1]), atol=1e-15)
+    assert_allclose(placement.rotation, pin.rpy.rpyToMatrix(0, 0, law[1]), atol=1e-15)
 
 
 @pytest.mark.parametrize("seed", range(8))
@@ -167,7 +166,7 @@ def test_locked_joints_are_those_of_a_reduced_model(tmp_path, seed):
     assert {f.name for f in found.frames} == {f.name for f in reduced.frames}
     q, v, a = pin.randomConfiguration(reduced), *rng.normal(size=(2, reduced.nv))
     efforts = [pin.rnea(m, m.createData(), q, v, a) for m in (found, reduced)]
-    np.testing.assert_allclose(*efforts, rtol=1e-12, atol=1e-12)
+    assert_allclose(*efforts, rtol=1e-12, atol=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -195,7 +194,7 @@ def test_a_follower_is_locked_by_its_leader(tmp_path, locked, says):
     model = read_robot(file, locked).model
     assert list(model.names)[1:] == ["r", "s"]  # the other pair still moves
     turned = model.frames[model.getFrameId("b")].placement.rotation
-    np.testing.assert_allclose(turned, pin.rpy.rpyToMatrix(0, 0, 0.3), atol=1e-15)
+    assert_allclose(turned, pin.rpy.rpyToMatrix(0, 0, 0.3), atol=1e-15)
 
 
 def test_fixing_keeps_a_pose_in_which_roll_and_yaw_are_one(tmp_path):
@@ -210,4 +209,4 @@ def test_fixing_keeps_a_pose_in_which_roll_and_yaw_are_one(tmp_path):
         expected = pin.rpy.rpyToMatrix(0.3, pitch, -1.2) @ pin.exp3(
             angle * np.array([0.48, 0.6, 0.64])
         )
-        np.testing.assert_allclose(pin.rpy.rpyToMatrix(*angles), expected, atol=1e-15)
+        assert_allclose(pin.rpy.rpyToMatrix(*angles), expected, atol=1e-15)

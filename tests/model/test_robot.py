@@ -1,11 +1,10 @@
 """URDFs that cannot be, and what a scene makes of those that can."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest
 from builders import chain, random_tree
+from numpy.testing import assert_allclose
 from robot_cases import joint, link, scene, urdf
 
 import pinfric as pf
@@ -59,7 +58,7 @@ def test_locked_joints_are_gone_and_stay_where_they_were_put(tmp_path):
     robot = read_robot(file, {"wrist": 0.3})
     assert list(robot.model.names)[1:] == ["swing"]
     frame = robot.model.frames[robot.model.getFrameId("hand")]
-    np.testing.assert_allclose(frame.placement.rotation, pin.rpy.rpyToMatrix(0, 0, 0.3), atol=1e-15)
+    assert_allclose(frame.placement.rotation, pin.rpy.rpyToMatrix(0, 0, 0.3), atol=1e-15)
     with pytest.raises(RobotError, match=r"no joint 'wirst'"):
         read_robot(file, {"wirst": 0.3})
 
@@ -137,4 +136,4 @@ def test_joints_that_are_not_numbered_depth_first_are_read_rightly():
     )
     a = pf.forward_dynamics(pf.Scene(model=model), q, v, np.zeros(7)).a
     data = model.createData()
-    np.testing.assert_allclose(pin.rnea(model, data, q, v, a), 0.0, atol=1e-11)
+    assert_allclose(pin.rnea(model, data, q, v, a), 0.0, atol=1e-11)

@@ -1,7 +1,5 @@
 """A scene does not change: a model that does is noticed, changed scenes are made by `with_`."""
 
-from __future__ import annotations
-
 import copy
 import pickle
 import re
@@ -13,6 +11,7 @@ import pytest
 import yaml
 from builders import block, chain, lump, plane_friction, sliding_block
 from mechanisms import four_bar
+from numpy.testing import assert_allclose, assert_array_equal
 from tables import table
 
 import pinfric as pf
@@ -226,7 +225,7 @@ def test_mimic_joints_are_not_sent_to_other_processes():
         pickle.dumps(scene)
     state = np.array([0.3]), np.array([0.5]), np.array([2.0])
     here, again = (pf.inverse_dynamics(x, *state) for x in (scene, copy.copy(scene)))
-    np.testing.assert_array_equal(again.effort_lower, here.effort_lower)  # a sweep's samples do
+    assert_array_equal(again.effort_lower, here.effort_lower)  # a sweep's samples do
 
 
 def test_loops_made_in_code_close_near_their_start():
@@ -239,9 +238,9 @@ def test_loops_made_in_code_close_near_their_start():
         start = dict(zip(scene.joint_names, near + 0.02, strict=True))
         for given in (start, near + 0.02):
             moved = scene.with_(start=given)
-            np.testing.assert_allclose(moved.start_configuration, near + 0.02, rtol=0, atol=1e-15)
+            assert_allclose(moved.start_configuration, near + 0.02, rtol=0, atol=1e-15)
             closed = moved.close(moved.start_configuration)
-            np.testing.assert_allclose(closed, near, rtol=0, atol=0.05)
+            assert_allclose(closed, near, rtol=0, atol=0.05)
             again = pickle.loads(pickle.dumps(moved))
             assert again == moved
             assert moved != scene

@@ -1,7 +1,5 @@
 """The scene reader: what it accepts, what it refuses, and that it never does anything else."""
 
-from __future__ import annotations
-
 import pytest
 import yaml
 from hypothesis import HealthCheck, given, settings

@@ -1,12 +1,11 @@
 """Springs and hoses of a scene: closed forms, the gradient of their potential, what is refused."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest
 import yaml
 from builders import chain, dry, lump, random_states, random_tree
+from numpy.testing import assert_allclose
 from tables import table
 
 import pinfric as pf
@@ -67,7 +66,7 @@ def test_effort_and_acceleration_on_a_lever_by_the_closed_form(spring, torque):
     zero = np.zeros((25, 1))
     weight = MASS * G * LEVER * np.cos(q)  # turns it on: forward
     efforts = pf.inverse_dynamics(scene, q[:, None], zero, zero)
-    np.testing.assert_allclose(efforts.effort_lower[:, 0], -weight - torque(q), atol=1e-12)
+    assert_allclose(efforts.effort_lower[:, 0], -weight - torque(q), atol=1e-12)
     assert efforts.check().passed()
     for angle in q[::6]:
         a = pf.forward_dynamics(scene, [angle], [0.7], [0.0]).a[0]
@@ -136,7 +135,7 @@ def test_springs_of_random_trees_are_the_gradient_of_their_energy(kind, seed):
             / (2 * h)
             for e in np.eye(model.nv)
         ]
-        np.testing.assert_allclose((with_ - without)[i], slope, atol=2e-6 * np.abs(slope).max())
+        assert_allclose((with_ - without)[i], slope, atol=2e-6 * np.abs(slope).max())
 
 
 @pytest.mark.parametrize("spring", [TORSION, PULL | {"initial_tension": 0.0}, GAS, "all"])
@@ -178,7 +177,7 @@ def test_a_torsion_pendulum_swings_by_the_closed_form():
     middle, rate = 0.4 - 3.0 / 7.0, np.sqrt(7.0 / (MASS * LEVER**2 + 1e-6))
     phase = rate * motion.t
     expected = middle + (0.1 - middle) * np.cos(phase) + 0.5 / rate * np.sin(phase)
-    np.testing.assert_allclose(motion.q[:, 0], expected, atol=1e-9)
+    assert_allclose(motion.q[:, 0], expected, atol=1e-9)
 
 
 @pytest.mark.parametrize("way", [-1.0, 0.0, 1.0])
@@ -192,11 +191,11 @@ def test_the_seal_of_a_gas_spring_rubs_along_its_line(way):
     low, high = (
         (free - 30.0 * lever_arm, free + 30.0 * lever_arm) if way == 0.0 else (free + rubs,) * 2
     )
-    np.testing.assert_allclose(found.effort_lower, low, atol=1e-11)
-    np.testing.assert_allclose(found.effort_upper, high, atol=1e-11)
+    assert_allclose(found.effort_lower, low, atol=1e-11)
+    assert_allclose(found.effort_upper, high, atol=1e-11)
     assert found.check().passed()
     one = scene.solver().inverse(q[3], zero[3] + 0.3 * way, zero[3])
-    np.testing.assert_allclose(one.effort_upper, high[3], atol=1e-11)
+    assert_allclose(one.effort_upper, high[3], atol=1e-11)
 
 
 @pytest.mark.parametrize("beyond", [-1e-6, 1e-6])

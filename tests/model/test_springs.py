@@ -1,7 +1,5 @@
 """Stiffness lines against makers' printed figures, and what cannot be."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest

@@ -1,7 +1,5 @@
 """Parts of a model, each by itself."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import yaml

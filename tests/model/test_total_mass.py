@@ -1,7 +1,5 @@
 """What every computation says of a robot's mass as a whole, by rods on a way that is known."""
 
-from __future__ import annotations
-
 import re
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Losses of gears as makers give them, against closed forms and published figures."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

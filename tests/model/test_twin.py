@@ -1,12 +1,11 @@
 """The wrench twin against Pinocchio's own `data.f`, one joint kind and one robot at a time."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest
 from builders import chain, random_inertia, random_states, random_tree
 from judges.verdict import judge
+from numpy.testing import assert_allclose, assert_array_equal
 from robot_cases import each_robot
 
 import pinfric as pf
@@ -29,7 +28,7 @@ def assert_twin_equals_data_f(model, seed=0, samples=3):
     wrenches = pf.joint_wrenches(pf.Scene(model=model), q, v, a)
     expected = plain_wrenches(model, q, v, a)
     scale = np.abs(expected).max()
-    np.testing.assert_allclose(wrenches, expected, rtol=0, atol=1e-12 * scale)
+    assert_allclose(wrenches, expected, rtol=0, atol=1e-12 * scale)
 
 
 def test_a_robot_too_large_to_open_is_asked_joint_by_joint():
@@ -132,7 +131,7 @@ def test_effort_of_the_twin_is_rnea_with_armature_and_mimic():
     result = pf.inverse_dynamics(scene, q, v, a)
     data = model.createData()
     expected = np.array([pin.rnea(model, data, *s) for s in zip(q, v, a, strict=True)])
-    np.testing.assert_allclose(result.effort_upper, expected, rtol=0, atol=1e-12 * 100)
+    assert_allclose(result.effort_upper, expected, rtol=0, atol=1e-12 * 100)
 
 
 def test_threads_and_batches_do_not_change_the_answer():
@@ -141,8 +140,8 @@ def test_threads_and_batches_do_not_change_the_answer():
     q, v, a = random_states(model, 5, 700)  # more than one batch of 512
     one = pf.joint_wrenches(scene, q, v, a, threads=1)
     two = pf.joint_wrenches(scene, q, v, a, threads=2)
-    np.testing.assert_array_equal(one, two)
-    np.testing.assert_allclose(one[-2:], pf.joint_wrenches(scene, q[-2:], v[-2:], a[-2:]))
+    assert_array_equal(one, two)
+    assert_allclose(one[-2:], pf.joint_wrenches(scene, q[-2:], v[-2:], a[-2:]))
 
 
 def test_external_wrench_relieves_the_joints_that_carry_it():
@@ -160,7 +159,7 @@ def test_external_wrench_relieves_the_joints_that_carry_it():
         forces[joint] = placement.act(pin.Force(tool[i]))
         pin.rnea(model, data, q[i], v[i], a[i], forces)
         expected = np.array([f.vector for f in data.f][1:])
-        np.testing.assert_allclose(wrenches[i], expected, rtol=0, atol=1e-11)
+        assert_allclose(wrenches[i], expected, rtol=0, atol=1e-11)
 
 
 @pytest.mark.parametrize("pitch", [0.1, 1e-4])  # 1e-4: an axis of length 1 to 5e-9
@@ -190,5 +189,5 @@ def test_a_screw_as_two_joints_has_the_closed_form(tmp_path):
     a = np.array([[3.0], [-40.0]])
     result = pf.inverse_dynamics(scene, [[0.3], [0.1]], [[1.0], [2.0]], a)
     torque = (J + m * p**2) * a + m * g * p + mu * R * m * (g + p * a)
-    np.testing.assert_allclose(result.effort_lower, torque, rtol=1e-12)
+    assert_allclose(result.effort_lower, torque, rtol=1e-12)
     assert judge(result).passed()

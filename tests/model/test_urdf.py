@@ -1,12 +1,11 @@
 """URDFs that cannot be, or that other programs take."""
 
-from __future__ import annotations
-
 import copy
 
 import numpy as np
 import pinocchio as pin
 import pytest
+from numpy.testing import assert_allclose
 from robot_cases import INERTIA, joint, link, urdf
 from tables import table
 
@@ -129,7 +128,7 @@ def test_bodies_that_other_programs_take_are_one_warning_with_all_their_names(tm
     assert len(caught) == 1
     as_written = np.array([[0.1]]) * 2  # izz of both about the common axis, no lever
     M = pin.crba(robot.model, robot.model.createData(), np.zeros(2))
-    np.testing.assert_allclose(M[0, 0], as_written[0, 0], atol=1e-15)
+    assert_allclose(M[0, 0], as_written[0, 0], atol=1e-15)
 
 
 def test_links_that_never_move_may_say_what_they_like(tmp_path):
@@ -153,8 +152,8 @@ def test_numbers_are_read_as_they_are_spelled(tmp_path, spelling):
     file = urdf(tmp_path, number_text(spelling, spelling, f"{spelling} 1\t2"), joint())
     body = read_robot(file, {}).model.inertias[1]
     assert body.mass == 0.2
-    np.testing.assert_allclose(body.lever, [0.2, 1.0, 2.0], rtol=1e-15)
-    np.testing.assert_allclose(body.inertia, np.diag([0.2, 0.1, 0.1]), atol=1e-15)
+    assert_allclose(body.lever, [0.2, 1.0, 2.0], rtol=1e-15)
+    assert_allclose(body.inertia, np.diag([0.2, 0.1, 0.1]), atol=1e-15)
 
 
 NO_NUMBERS = [

@@ -1,7 +1,5 @@
 """Files a robot is read from: xacro with and without its extra, and what is no URDF."""
 
-from __future__ import annotations
-
 import re
 
 import pytest

@@ -1,7 +1,5 @@
 """YAML as version 1.2 reads it, and files made to break a reader."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from builders import pick_and_place
+from numpy.testing import assert_allclose
 
 from pinfric.motions.derivatives import (
     acceleration_noise,
@@ -35,8 +36,8 @@ def test_spline_orders_on_a_sine():
 def test_short_pieces_are_the_polynomial_their_conditions_allow():
     t = np.array([0.0, 0.3, 1.0, 1.2])
     v, a = position_derivatives(t, t**3, [])
-    np.testing.assert_allclose(v, 3 * t**2, atol=1e-12)
-    np.testing.assert_allclose(a, 6 * t, atol=1e-11)
+    assert_allclose(v, 3 * t**2, atol=1e-12)
+    assert_allclose(a, 6 * t, atol=1e-11)
     # between two holds, two samples and six conditions: the quintic from rest to rest
     t = np.arange(6.0)
     v, a = position_derivatives(t, np.array([0, 0, 0, 1, 1, 1.0]), [(0, 2), (3, 5)])
@@ -66,8 +67,8 @@ def test_holds_of_a_precise_file_are_exact():
     assert (fitted_v[still] == 0).all()
     assert (fitted_a[still] == 0).all()
     assert ((fitted_v != 0) & (fitted_a != 0)).sum() > 0.99 * (~still).sum()
-    np.testing.assert_allclose(fitted_v, v, atol=1e-8)
-    np.testing.assert_allclose(fitted_a, a, atol=2e-4)
+    assert_allclose(fitted_v, v, atol=1e-8)
+    assert_allclose(fitted_a, a, atol=2e-4)
 
 
 @pytest.mark.parametrize("digits", [3, 4, 6])

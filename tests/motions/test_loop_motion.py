@@ -1,7 +1,5 @@
 """Files of motions of closed loops: the joints they may leave out."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +8,7 @@ from builders import example
 from cases import crank_motion
 from log_cases import write_csv
 from mechanisms import four_bar
+from numpy.testing import assert_allclose
 
 import pinfric as pf
 from pinfric.errors import (
@@ -32,9 +31,9 @@ def test_a_csv_names_only_the_independent_joint(tmp_path):
     q, v, a = crank_motion(joints, angle, 2.0, 0.0)
     order = [scene.joint_names.index(n) for n in ("crank_pin", "coupler_pin", "ground_pin")]
     position = motion.joint_positions()[:, order]
-    np.testing.assert_allclose(np.sin(position), np.sin(q), atol=1e-12)
-    np.testing.assert_allclose(motion.v[:, order], v, atol=1e-11)
-    np.testing.assert_allclose(motion.a[:, order], a, atol=1e-10)
+    assert_allclose(np.sin(position), np.sin(q), atol=1e-12)
+    assert_allclose(motion.v[:, order], v, atol=1e-11)
+    assert_allclose(motion.a[:, order], a, atol=1e-10)
 
 
 def test_all_joints_named_without_derivatives_are_made_consistent(tmp_path):
@@ -43,7 +42,7 @@ def test_all_joints_named_without_derivatives_are_made_consistent(tmp_path):
     path = write_csv(tmp_path / "all.csv", t, scene.joint_names, position, "%.17g")
     motion = pf.load_trajectory(path, scene)
     pf.inverse_dynamics(scene, motion)  # refuses what violates the loop
-    np.testing.assert_allclose(motion.v[5:-5], whole.v[105:395], rtol=1e-4, atol=1e-4)
+    assert_allclose(motion.v[5:-5], whole.v[105:395], rtol=1e-4, atol=1e-4)
     write_csv(path, t, scene.joint_names, position, "%.6f")
     motion = pf.load_trajectory(path, scene)  # 5e-7 off, by rounding
     pf.inverse_dynamics(scene, motion)

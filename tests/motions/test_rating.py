@@ -1,7 +1,5 @@
 """A rating's postures against a search that shares no code, and its moves by hand."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest

@@ -1,7 +1,5 @@
 """Summaries against figures worked out by hand."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 

@@ -1,11 +1,10 @@
 """Way-points of the tool: postures and straight lines beside Pinocchio's own kinematics."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest
 import yaml
+from numpy.testing import assert_allclose
 from scipy.optimize import minimize
 
 import pinfric as pf
@@ -54,17 +53,17 @@ def test_the_tool_is_where_it_is_wanted_and_moves_straight(name, start, tmp_path
     assert (motion.q >= model.lowerPositionLimit).all()
     assert (motion.q <= model.upperPositionLimit).all()
     found = places(scene, motion)
-    np.testing.assert_allclose(found[100][0].translation, begin, atol=1e-9)
-    np.testing.assert_allclose(found[-1][0].translation, end, atol=1e-9)
+    assert_allclose(found[100][0].translation, begin, atol=1e-9)
+    assert_allclose(found[-1][0].translation, end, atol=1e-9)
     turned = pin.rpy.rpyToMatrix(np.radians([180.0, 0.0, 40.0]))
-    np.testing.assert_allclose(found[-1][0].rotation, turned, atol=1e-9)
+    assert_allclose(found[-1][0].rotation, turned, atol=1e-9)
     along = (end - begin) / np.linalg.norm(end - begin)
     for place, velocity in found[100:]:
         off = place.translation - begin
         assert np.linalg.norm(off - along * (off @ along)) < 1e-7
         assert np.linalg.norm(velocity - along * (velocity @ along)) < 1e-5
         assert abs(place.rotation[2, 2] + 1.0) < 1e-9  # it turns about the vertical only
-    np.testing.assert_allclose(np.gradient(motion.q, 0.01, axis=0)[3:-3], motion.v[3:-3], atol=5e-3)
+    assert_allclose(np.gradient(motion.q, 0.01, axis=0)[3:-3], motion.v[3:-3], atol=5e-3)
 
 
 def test_a_line_without_duration_keeps_the_speed_limits(tmp_path):

@@ -6,6 +6,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from builders import chain
+from numpy.testing import assert_allclose, assert_array_equal
 from trajectory_cases import arm_scene, message, one_joint_scene, write
 
 from pinfric.errors import TrajectoryError
@@ -34,11 +35,11 @@ points:
     first = load_trajectory(yaml, scene)
     second = load_trajectory(first.to_csv(tmp_path / "exact.csv", digits=17), scene)
     for name in ("t", "v", "a", "attached"):
-        np.testing.assert_array_equal(getattr(first, name), getattr(second, name))
-    np.testing.assert_array_equal(first.q[:, :2], second.q[:, :2])
-    np.testing.assert_allclose(first.q, second.q, atol=3e-15)  # cos, sin -> angle -> cos, sin
+        assert_array_equal(getattr(first, name), getattr(second, name))
+    assert_array_equal(first.q[:, :2], second.q[:, :2])
+    assert_allclose(first.q, second.q, atol=3e-15)  # cos, sin -> angle -> cos, sin
     third = load_trajectory(first.to_csv(tmp_path / "nine.csv"), scene)
-    np.testing.assert_allclose(first.a, third.a, rtol=1e-8)
+    assert_allclose(first.a, third.a, rtol=1e-8)
     assert [(h.first, h.last) for h in third.holds()] == [(h.first, h.last) for h in first.holds()]
     assert "-0," not in (tmp_path / "nine.csv").read_text()
 
@@ -92,8 +93,8 @@ def test_with_speed_scales_time_and_derivatives():
     fast = slow.with_speed(2.0)
     assert fast.duration == pytest.approx(1.0)
     again = Trajectory.from_arrays(scene, fast.t, fast.q)
-    np.testing.assert_allclose(fast.v, again.v, atol=1e-8)
-    np.testing.assert_allclose(fast.a, again.a, atol=1e-5)
+    assert_allclose(fast.v, again.v, atol=1e-8)
+    assert_allclose(fast.a, again.a, atol=1e-5)
     for bad in (0.0, -1.0, np.nan):
         with pytest.raises(TrajectoryError, match="speed scale"):
             slow.with_speed(bad)
@@ -124,7 +125,7 @@ def test_from_arrays_checks_everything(change, says):
 def test_from_arrays_keeps_what_is_attached():
     scene = arm_scene(box=True)
     kept = Trajectory.from_arrays(scene, [0, 1, 2], GOOD, attached={"box": [1, 0, 1]})
-    np.testing.assert_array_equal(kept.attached[:, 0], [True, False, True])
+    assert_array_equal(kept.attached[:, 0], [True, False, True])
 
 
 def test_trajectory_refuses_arrays_that_do_not_agree():

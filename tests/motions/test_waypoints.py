@@ -3,6 +3,7 @@ test_trajectory.py)."""
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 from trajectory_cases import arm_scene, message, one_joint_scene, write
 
 from pinfric.errors import TrajectoryError
@@ -20,17 +21,17 @@ from pinfric.motions.waypoints import (
 
 def test_quintic_closed_form_values():
     b, rate, curvature = quintic(np.array([0.0, 0.25, 0.5, 1.0]))
-    np.testing.assert_allclose(b, [0, 0.103515625, 0.5, 1], atol=1e-15)
-    np.testing.assert_allclose(rate, [0, 1.0546875, 1.875, 0], atol=1e-15)
-    np.testing.assert_allclose(curvature, [0, 5.625, 0, 0], atol=1e-15)
+    assert_allclose(b, [0, 0.103515625, 0.5, 1], atol=1e-15)
+    assert_allclose(rate, [0, 1.0546875, 1.875, 0], atol=1e-15)
+    assert_allclose(curvature, [0, 5.625, 0, 0], atol=1e-15)
 
 
 def test_trapezoidal_closed_form_values():
     # ramp 1/4: peak 4/3, acceleration 16/3; at s = 1/4 the distance is 1/2 x 1/4 x 4/3 = 1/6
     b, rate, curvature = trapezoidal(np.array([0.0, 0.125, 0.25, 0.5, 0.75, 0.875, 1.0]), 0.25)
-    np.testing.assert_allclose(b, [0, 1 / 24, 1 / 6, 0.5, 5 / 6, 23 / 24, 1], atol=1e-15)
-    np.testing.assert_allclose(rate, [0, 2 / 3, 4 / 3, 4 / 3, 4 / 3, 2 / 3, 0], atol=1e-15)
-    np.testing.assert_allclose(curvature, np.array([16, 16, 0, 0, -16, -16, -16]) / 3, atol=1e-14)
+    assert_allclose(b, [0, 1 / 24, 1 / 6, 0.5, 5 / 6, 23 / 24, 1], atol=1e-15)
+    assert_allclose(rate, [0, 2 / 3, 4 / 3, 4 / 3, 4 / 3, 2 / 3, 0], atol=1e-15)
+    assert_allclose(curvature, np.array([16, 16, 0, 0, -16, -16, -16]) / 3, atol=1e-14)
 
 
 @pytest.mark.parametrize("profile", [quintic, lambda s: trapezoidal(s, 0.3)])
@@ -38,10 +39,8 @@ def test_profiles_are_integrals_of_their_derivatives(profile):
     s = np.linspace(0, 1, 20001)
     b, rate, curvature = profile(s)
     steps = np.diff(s)
-    np.testing.assert_allclose(np.cumsum(0.5 * (rate[1:] + rate[:-1]) * steps), b[1:], atol=1e-8)
-    np.testing.assert_allclose(
-        np.cumsum(0.5 * (curvature[1:] + curvature[:-1]) * steps), rate[1:], atol=1e-3
-    )
+    assert_allclose(np.cumsum(0.5 * (rate[1:] + rate[:-1]) * steps), b[1:], atol=1e-8)
+    assert_allclose(np.cumsum(0.5 * (curvature[1:] + curvature[:-1]) * steps), rate[1:], atol=1e-3)
 
 
 def sampled(*points, sample_rate=1000.0):
@@ -113,8 +112,8 @@ def test_degrees_are_of_angles_only():
         )
         for unit, q in (("deg", points), ("rad", [points[0], points[1] | {"q": [np.pi / 2, 90]}]))
     ]
-    np.testing.assert_allclose(motions[0].position, motions[1].position, atol=1e-14)
-    np.testing.assert_allclose(motions[0].velocity, motions[1].velocity, atol=1e-13)
+    assert_allclose(motions[0].position, motions[1].position, atol=1e-14)
+    assert_allclose(motions[0].velocity, motions[1].velocity, atol=1e-13)
 
 
 def test_a_logs_unit_does_not_apply_to_waypoints(tmp_path):
@@ -146,13 +145,11 @@ points:
     assert motion.duration == pytest.approx(2.75)
     assert motion.t.size == 276
     middle = np.searchsorted(motion.t, 1.5 - 1e-9)
-    np.testing.assert_allclose(motion.v[middle], 1.875 / 2 * np.array([1.0, 0.2, -4.0]), rtol=1e-12)
+    assert_allclose(motion.v[middle], 1.875 / 2 * np.array([1.0, 0.2, -4.0]), rtol=1e-12)
     quarter = np.searchsorted(motion.t, 1.0 - 1e-9)
-    np.testing.assert_allclose(
-        motion.a[quarter], 5.625 / 4 * np.array([1.0, 0.2, -4.0]), rtol=1e-12
-    )
-    np.testing.assert_allclose(motion.q[quarter, 0], 0.103515625, rtol=1e-12)
-    np.testing.assert_allclose(motion.q[-1], [1.0, 0.3, np.cos(-4.0), np.sin(-4.0)], rtol=1e-12)
+    assert_allclose(motion.a[quarter], 5.625 / 4 * np.array([1.0, 0.2, -4.0]), rtol=1e-12)
+    assert_allclose(motion.q[quarter, 0], 0.103515625, rtol=1e-12)
+    assert_allclose(motion.q[-1], [1.0, 0.3, np.cos(-4.0), np.sin(-4.0)], rtol=1e-12)
 
 
 def test_waypoint_holds_are_exactly_still(tmp_path):
@@ -237,7 +234,7 @@ def test_end_off_the_sample_grid_is_a_sample(tmp_path):
 """,
     )
     motion = load_trajectory(path, one_joint_scene())
-    np.testing.assert_allclose(motion.t[-2:], [0.9, 0.95])
+    assert_allclose(motion.t[-2:], [0.9, 0.95])
     assert motion.q[-1, 0] == 1.0
     assert motion.v[-1, 0] == 0.0
 
@@ -251,7 +248,7 @@ def test_waypoint_joint_order_is_free(tmp_path):
 """,
     )
     motion = load_trajectory(path, arm_scene())
-    np.testing.assert_allclose(motion.joint_positions()[0], [1.0, 0.2, 0.3])
+    assert_allclose(motion.joint_positions()[0], [1.0, 0.2, 0.3])
     assert motion.joint_names == ("a", "b", "c")
 
 

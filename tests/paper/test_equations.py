@@ -1,11 +1,10 @@
 """The paper's equations: velocities, null spaces, efforts on relative motion."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 from paper_cases import (
     SLIDING,
     random_motion,
@@ -48,13 +47,13 @@ def test_speeds_and_accelerations_are_the_derivatives_of_the_placement(seed):
     A = q.orientation[:, :-1]
     spin = np.einsum("bij,bik->bjk", A[3], np.tensordot(first, A, 1) / h)  # omega~ in body axes
     omega = np.stack([spin[:, 2, 1], spin[:, 0, 2], spin[:, 1, 0]], axis=-1)
-    np.testing.assert_allclose(bodies[:, :3], np.tensordot(first, r, 1) / h, atol=1e-9)
-    np.testing.assert_allclose(bodies[:, 3:], omega, atol=1e-9)
+    assert_allclose(bodies[:, :3], np.tensordot(first, r, 1) / h, atol=1e-9)
+    assert_allclose(bodies[:, 3:], omega, atol=1e-9)
     result = inverse(mechanism, angle, rate, acceleration)
     accelerations = result.body_acceleration.reshape(-1, 6)
-    np.testing.assert_allclose(accelerations[:, :3], np.tensordot(second, r, 1) / h**2, atol=1e-7)
+    assert_allclose(accelerations[:, :3], np.tensordot(second, r, 1) / h**2, atol=1e-7)
     gamma = acceleration_bias(mechanism, here, speed).constraint
-    np.testing.assert_allclose(
+    assert_allclose(
         np.einsum("tmn,tn->tm", jacobian.constraint, result.body_acceleration), gamma, atol=1e-12
     )
 
@@ -69,7 +68,7 @@ def test_partial_velocity_matrix_is_a_basis_of_the_null_space(seed):
     assert np.abs(constraint @ B).max() < 1e-13
     for t in range(len(B)):
         assert sorted([*dependent[t], *independent[t]]) == list(range(30))
-        np.testing.assert_array_equal(B[t, independent[t]], np.eye(5))
+        assert_array_equal(B[t, independent[t]], np.eye(5))
     # a pivot is the largest entry left, so no entry of the basis is large
     assert np.abs(B).max() < 30
 
@@ -84,7 +83,7 @@ def test_actuators_work_on_the_relative_motion_of_what_they_act_on():
     q = place(mechanism, angle)
     speed = body_speeds(relative_jacobian(mechanism, q), rate)
     power = np.einsum("tna,tn->ta", actuator_forces(mechanism, q), speed)
-    np.testing.assert_allclose(power[:, :3], rate[:, :3], atol=1e-13)
+    assert_allclose(power[:, :3], rate[:, :3], atol=1e-13)
     arm = point - np.asarray(mechanism.bodies[3].center_of_mass)
     for t in range(len(rate)):
         A_i, A_j = q.orientation[t, [1, 3]]
@@ -111,10 +110,10 @@ def test_initial_state_is_the_papers_tables():
     q = place(case.mechanism, case.position[None])
     speed = body_speeds(relative_jacobian(case.mechanism, q), case.rate[None]).reshape(3, 6)
     table = [[-0.2, 0, 0, 0, 0, 1], [-0.4, -0.25, 0, -1, 0, 1], [-0.4, -0.35, -0.15, -1, 1, 1]]
-    np.testing.assert_allclose(speed, table, atol=1e-15)
-    np.testing.assert_array_equal(q.euler_parameters[0], np.tile([0, 0, 0, 1.0], (4, 1)))
+    assert_allclose(speed, table, atol=1e-15)
+    assert_array_equal(q.euler_parameters[0], np.tile([0, 0, 0, 1.0], (4, 1)))
     case = pendulum()
     q = place(case.mechanism, case.position[None])
     speed = body_speeds(relative_jacobian(case.mechanism, q), case.rate[None])[0]
-    np.testing.assert_allclose(q.position[0, 0, :2], [0.217, 0.125], atol=6e-4)  # as printed
-    np.testing.assert_allclose(speed[[0, 1, 5]], [-0.125, 0.217, 1.0], atol=6e-4)
+    assert_allclose(q.position[0, 0, :2], [0.217, 0.125], atol=6e-4)  # as printed
+    assert_allclose(speed[[0, 1, 5]], [-0.125, 0.217, 1.0], atol=6e-4)

@@ -1,11 +1,10 @@
 """Forward dynamics in absolute coordinates: undone by the inverse, break-away, two solutions."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 from paper_cases import (
     PENDULUM_LENGTH,
     PIN_RADIUS,
@@ -30,12 +29,12 @@ def test_forward_dynamics_is_undone_by_inverse_dynamics(seed):
     angle, rate, effort = (x[0] for x in random_motion(mechanism, seed))
     instant = forward(mechanism, angle, rate, effort)
     result = inverse(mechanism, angle, rate, instant.acceleration)
-    np.testing.assert_array_equal(instant.modes, np.sign(rate))
-    np.testing.assert_allclose(result.effort_lower[0], effort, atol=1e-11)
-    np.testing.assert_allclose(result.friction_upper[0], instant.friction, atol=1e-11)
-    np.testing.assert_allclose(result.wrench[0], instant.wrench, atol=1e-11)
-    np.testing.assert_allclose(result.multipliers[0], instant.multipliers, atol=1e-11)
-    np.testing.assert_allclose(result.body_acceleration[0], instant.body_acceleration, atol=1e-11)
+    assert_array_equal(instant.modes, np.sign(rate))
+    assert_allclose(result.effort_lower[0], effort, atol=1e-11)
+    assert_allclose(result.friction_upper[0], instant.friction, atol=1e-11)
+    assert_allclose(result.wrench[0], instant.wrench, atol=1e-11)
+    assert_allclose(result.multipliers[0], instant.multipliers, atol=1e-11)
+    assert_allclose(result.body_acceleration[0], instant.body_acceleration, atol=1e-11)
 
 
 def test_pushed_pendulum_forward_is_undone_by_inverse_dynamics():
@@ -67,12 +66,12 @@ def test_joints_at_rest_stick_and_slip_each_for_itself():
     mechanism = replace(case.mechanism, joints=joints)
     rest = inverse(mechanism, np.zeros(3), np.zeros(3), np.zeros(3))
     held = forward(mechanism, np.zeros(3), np.zeros(3), rest.effort_frictionless[0])
-    np.testing.assert_array_equal(held.modes, [0, 0, 0])
-    np.testing.assert_allclose(held.friction, 0, atol=1e-13)
+    assert_array_equal(held.modes, [0, 0, 0])
+    assert_allclose(held.friction, 0, atol=1e-13)
     effort = rest.effort_frictionless[0] + [0, 0, 1.2 * 0.35 * rest.normal_load[0, 2]]
     slipping = forward(mechanism, np.zeros(3), np.zeros(3), effort)
-    np.testing.assert_array_equal(slipping.modes, [0, 0, 1])
-    np.testing.assert_allclose(slipping.acceleration[:2], 0, atol=1e-13)
+    assert_array_equal(slipping.modes, [0, 0, 1])
+    assert_allclose(slipping.acceleration[:2], 0, atol=1e-13)
     assert slipping.acceleration[2] > 0
     again = inverse(mechanism, np.zeros(3), [0, 0, 1e-5], slipping.acceleration)
     assert again.effort_lower[0, 2] == pytest.approx(effort[2], abs=1e-8)

@@ -1,11 +1,10 @@
 """Inverse dynamics in absolute coordinates: closed forms, Newton-Euler, momentum, iteration."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 from paper_cases import (
     PENDULUM_J,
     PENDULUM_LENGTH,
@@ -104,14 +103,14 @@ def test_pendulum_effort_and_reaction_in_closed_form(rate):
     load = PIN_RADIUS * np.hypot(tangential, inward)
     zero = np.zeros(13)
     expected = np.stack([-inward, tangential, zero, zero, zero, total], axis=1)
-    np.testing.assert_allclose(result.wrench[:, 0], expected, rtol=1e-13, atol=1e-13)
-    np.testing.assert_allclose(result.normal_load[:, 0], load, rtol=1e-13)
-    np.testing.assert_allclose(result.effort_frictionless[:, 0], total, rtol=1e-13, atol=1e-13)
+    assert_allclose(result.wrench[:, 0], expected, rtol=1e-13, atol=1e-13)
+    assert_allclose(result.normal_load[:, 0], load, rtol=1e-13)
+    assert_allclose(result.effort_frictionless[:, 0], total, rtol=1e-13, atol=1e-13)
     lower, upper = (-0.35, 0.35) if rate == 0 else (0.30 * np.sign(rate),) * 2
-    np.testing.assert_allclose(result.effort_lower[:, 0], total + lower * load, atol=1e-13)
-    np.testing.assert_allclose(result.effort_upper[:, 0], total + upper * load, atol=1e-13)
-    np.testing.assert_array_equal(result.sticking, np.full((13, 1), rate == 0))
-    np.testing.assert_allclose(result.friction_lower[:, 0], -upper * load, atol=1e-13)
+    assert_allclose(result.effort_lower[:, 0], total + lower * load, atol=1e-13)
+    assert_allclose(result.effort_upper[:, 0], total + upper * load, atol=1e-13)
+    assert_array_equal(result.sticking, np.full((13, 1), rate == 0))
+    assert_allclose(result.friction_lower[:, 0], -upper * load, atol=1e-13)
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -122,7 +121,7 @@ def test_tree_agrees_with_newton_euler(seed):
     result = inverse(mechanism, *motion)
     for t in range(motion.shape[1]):
         wrench = newton_euler(mechanism, *motion[:, t])
-        np.testing.assert_allclose(result.wrench[t], wrench, rtol=1e-12, atol=1e-11)
+        assert_allclose(result.wrench[t], wrench, rtol=1e-12, atol=1e-11)
         for k, joint in enumerate(mechanism.joints):
             axis = np.asarray(joint.axis) / np.linalg.norm(joint.axis)
             load = normal_load(joint.friction, axis, wrench[k])
@@ -135,7 +134,7 @@ def test_tree_agrees_with_newton_euler(seed):
             assert result.effort_lower[t, k] == pytest.approx(middle - spread, rel=1e-12, abs=1e-11)
             assert result.effort_upper[t, k] == pytest.approx(middle + spread, rel=1e-12, abs=1e-11)
     # with joint drives nothing is coupled: the second solution of (16) repeats the first
-    np.testing.assert_array_equal(result.iterations, 2)
+    assert_array_equal(result.iterations, 2)
 
 
 def test_ground_carries_the_rate_of_change_of_momentum():
@@ -165,7 +164,7 @@ def test_ground_carries_the_rate_of_change_of_momentum():
         arm = np.asarray(mechanism.joints[k].point) - mechanism.bodies[child].center_of_mass
         point = q.position[3, child] + q.orientation[3, child] @ arm  # that of the child
         carried += np.concatenate([force, moment + np.cross(point, force)])
-    np.testing.assert_allclose(carried, change, atol=1e-8)
+    assert_allclose(carried, change, atol=1e-8)
 
 
 @pytest.mark.parametrize("rate", [-2.0, 0.0, 2.0])
@@ -198,7 +197,7 @@ def test_ends_of_coupled_intervals_hold_every_admissible_friction():
     )
     mechanism = replace(case.mechanism, joints=joints, actuators=actuators)
     result = inverse(mechanism, [0.3, -0.4, 0.5], [0.0, 0.7, 0.0], [1.0, -2.0, 0.5])
-    np.testing.assert_array_equal(result.sticking, [[True, False, True]])
+    assert_array_equal(result.sticking, [[True, False, True]])
     reached = []
     for effort in ([1, 1], [1, -1], [-1, 1], [-1, -1]):
         # the same corners as sliding at the static coefficient, just faster than stick velocity
@@ -209,8 +208,8 @@ def test_ends_of_coupled_intervals_hold_every_admissible_friction():
             replace(mechanism, joints=moving), [0.3, -0.4, 0.5], rate, [1.0, -2.0, 0.5]
         )
         reached.append(corner.effort_lower[0])
-    np.testing.assert_allclose(result.effort_lower[0], np.min(reached, axis=0), rtol=1e-9)
-    np.testing.assert_allclose(result.effort_upper[0], np.max(reached, axis=0), rtol=1e-9)
+    assert_allclose(result.effort_lower[0], np.min(reached, axis=0), rtol=1e-9)
+    assert_allclose(result.effort_upper[0], np.max(reached, axis=0), rtol=1e-9)
 
 
 def test_effort_that_settles_at_once_does_not_stop_the_others():
@@ -227,7 +226,7 @@ def test_effort_that_settles_at_once_does_not_stop_the_others():
     )
     result = inverse(mechanism, [0.8, 0.8], [2.0, 2.0], [3.0, 3.0])
     alone = [inverse(m, [0.8], [2.0], [3.0]).effort_lower[0, 0] for m in (pushed, plain)]
-    np.testing.assert_allclose(result.effort_lower[0], alone, rtol=1e-12)
+    assert_allclose(result.effort_lower[0], alone, rtol=1e-12)
 
 
 def test_units_of_an_effort_do_not_matter():
@@ -237,14 +236,14 @@ def test_units_of_an_effort_do_not_matter():
     pico = replace(mechanism.actuators[0], force=(0.0, 1e-12, 0.0))
     for actuator, unit in ((tera, 1e12), (pico, 1e-12)):
         scaled = inverse(replace(mechanism, actuators=(actuator,)), [0.8], [2.0], [3.0])
-        np.testing.assert_allclose(scaled.effort_lower * unit, in_newton.effort_lower, rtol=1e-12)
+        assert_allclose(scaled.effort_lower * unit, in_newton.effort_lower, rtol=1e-12)
 
 
 def test_iteration_that_cannot_settle_says_where():
     mechanism = pushed_pendulum(static=9.0, kinetic=9.0)
     with pytest.raises(FixedPointError) as caught:
         inverse(mechanism, [[0.8], [0.8]], [[2.0], [2.0]], [[3.0], [3.0]])
-    np.testing.assert_array_equal(caught.value.samples, [0, 1])
+    assert_array_equal(caught.value.samples, [0, 1])
 
 
 IDLE = Actuator("idle", GROUND, "bar", (0.0, 0.0, 0.0), force=(0.0, 1.0, 0.0))

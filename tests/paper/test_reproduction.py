@@ -1,7 +1,5 @@
 """The paper reproduced: printed stick times, recovered torques, two formulations."""
 
-from __future__ import annotations
-
 import pytest
 from cli_cases import refused, results_in, run, told
 from envelopes import result_of

@@ -1,13 +1,12 @@
 """Simulations of the independent judge: closed forms, the paper's stick times, the law itself."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 from itertools import pairwise
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 
 from pinfric.paper import examples
 from pinfric.paper.bodies import GROUND, Body, Mechanism, PinFriction, RevoluteJoint
@@ -44,17 +43,15 @@ def test_rotor_slows_down_in_closed_form(ratio):
     mechanism, b = spinning_rotor(ratio), ratio / np.sqrt(1 - ratio**2)
     motion = simulate(mechanism, [0.1], [3.0], lambda _: [0.0], 0.3, sample_step=0.1)
     rate = 3.0 / (1 + b * 3.0 * motion.t)
-    np.testing.assert_allclose(motion.rate[:, 0], rate, rtol=1e-9)
-    np.testing.assert_allclose(
-        motion.position[:, 0], 0.1 + np.log1p(b * 3.0 * motion.t) / b, rtol=1e-9
-    )
-    np.testing.assert_allclose(motion.acceleration[:, 0], -b * rate**2, rtol=1e-8)
+    assert_allclose(motion.rate[:, 0], rate, rtol=1e-9)
+    assert_allclose(motion.position[:, 0], 0.1 + np.log1p(b * 3.0 * motion.t) / b, rtol=1e-9)
+    assert_allclose(motion.acceleration[:, 0], -b * rate**2, rtol=1e-8)
 
 
 def test_rotor_beyond_the_critical_friction_has_no_acceleration():
     with pytest.raises(NoConsistentFriction) as caught:
         forward(spinning_rotor(1.01), [0.1], [3.0], [0.0])
-    np.testing.assert_array_equal(caught.value.rate, [3.0])
+    assert_array_equal(caught.value.rate, [3.0])
 
 
 @pytest.mark.parametrize(
@@ -92,12 +89,12 @@ def test_inverse_dynamics_recovers_the_efforts_of_the_motion(example):
     stuck = result.sticking.any(axis=1)
     assert 5 < stuck.sum() < 0.2 * len(stuck)
     for end in (result.effort_lower, result.effort_upper):
-        np.testing.assert_allclose(end[~stuck], motion.effort[~stuck], rtol=0, atol=1e-10)
+        assert_allclose(end[~stuck], motion.effort[~stuck], rtol=0, atol=1e-10)
     assert np.all(result.effort_lower[stuck] <= motion.effort[stuck] + 1e-10)
     assert np.all(motion.effort[stuck] <= result.effort_upper[stuck] + 1e-10)
     width = (result.effort_upper - result.effort_lower)[stuck][:, geo.sites]
-    np.testing.assert_allclose(width, 2 * 0.35 * result.normal_load[stuck], rtol=1e-12)
-    np.testing.assert_allclose(result.normal_load, motion.normal_load, rtol=1e-10)
+    assert_allclose(width, 2 * 0.35 * result.normal_load[stuck], rtol=1e-12)
+    assert_allclose(result.normal_load, motion.normal_load, rtol=1e-10)
 
 
 def energy(mechanism: Mechanism, angle, rate) -> np.ndarray:
@@ -121,7 +118,7 @@ def test_energy_is_kept_without_friction_and_effort():
     )
     kept = energy(mechanism, motion.position, motion.rate)
     assert np.ptp(motion.rate, axis=0).min() > 0.5
-    np.testing.assert_allclose(kept, kept[0], rtol=1e-9)
+    assert_allclose(kept, kept[0], rtol=1e-9)
 
 
 def test_energy_changes_by_the_work_of_efforts_and_friction():
@@ -215,7 +212,7 @@ def test_two_pendulums_that_change_together_are_two_single_ones():
     start, effort = ([0.524] * 2, [1.0] * 2), lambda t: np.tile(case.effort(t), 2)
     motion = simulate(mechanism, *start, effort, 1.3, sample_step=0.1)
     for joint in ("joint_1", "twin_pin"):
-        np.testing.assert_allclose(
+        assert_allclose(
             motion.stick_intervals(joint), single.stick_intervals("joint_1"), atol=1e-11
         )
 
@@ -224,7 +221,7 @@ def test_pendulum_without_any_load_stays_at_rest():
     mechanism = replace(pendulum().mechanism, gravity=(0.0, 0.0, 0.0))
     motion = simulate(mechanism, [0.3], [0.0], lambda _: [0.0], 0.5, sample_step=0.1)
     assert motion.stick_intervals("joint_1") == [(0.0, 0.5)]
-    np.testing.assert_array_equal(motion.position, 0.3)
+    assert_array_equal(motion.position, 0.3)
 
 
 def test_guard_that_starts_from_zero_is_located_where_it_returns_to_zero():
@@ -253,12 +250,10 @@ def test_three_frictional_joints_obey_the_law_at_every_sample():
     limit = motion.normal_load * np.where(motion.modes == 0, 0.35, 0.30)
     slips = motion.modes != 0
     assert np.all(np.abs(motion.friction) <= limit * (1 + 1e-9))
-    np.testing.assert_allclose(motion.friction[slips], -(motion.modes * limit)[slips], rtol=1e-10)
+    assert_allclose(motion.friction[slips], -(motion.modes * limit)[slips], rtol=1e-10)
     assert np.all(motion.modes * motion.rate >= -1e-12)
     assert np.all(motion.rate[~slips] == 0)
     sticks = [len(motion.stick_intervals(joint.name)) for joint in joints]
     assert sticks == [2, 1, 0]
     for before, after in pairwise(motion.phases):
-        np.testing.assert_allclose(
-            before.solution(before.end), after.solution(after.start), atol=1e-10
-        )
+        assert_allclose(before.solution(before.end), after.solution(after.start), atol=1e-10)

@@ -1,7 +1,5 @@
 """Fixtures that several files share."""
 
-from __future__ import annotations
-
 import pytest
 from retime_cases import URDF, WAY
 from sizing_cases import GEAR, MOTOR, write_catalog

@@ -1,7 +1,5 @@
 """Limits of drives: of a motors file, of the catalogue, as `size` judges them."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 from pathlib import Path as File

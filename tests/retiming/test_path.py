@@ -1,7 +1,5 @@
 """Paths: stops, far points, kinks, via points."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from retime_cases import MOTORS, one_joint, planar

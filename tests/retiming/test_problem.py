@@ -1,7 +1,5 @@
 """Paths that cannot be retimed are named."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from retime_cases import lifting, straight

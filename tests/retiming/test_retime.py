@@ -1,7 +1,5 @@
 """Retiming by closed forms, by a phase plane integrated apart, by an optimizer, and by refusals."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest

@@ -1,7 +1,5 @@
 """The scan against an optimizer, and between its points."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,12 +1,11 @@
 """Profiles and heat of a retimed motion."""
 
-from __future__ import annotations
-
 from functools import partial
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 from retime_cases import MOTORS, STOPS, WAVE, one_joint, planar, straight
 
 import pinfric as pf
@@ -86,7 +85,7 @@ def test_the_duration_of_an_interval_has_the_derivatives_that_the_barrier_takes(
     moving = np.array([[True, True], [True, False]])
     times = partial(_Barrier.durations, SimpleNamespace(step=step, moving=moving))
     time, first, second = times(x)
-    np.testing.assert_allclose(time, 2.0 * step / (np.sqrt(x[:-1]) + np.sqrt(x[1:])))
+    assert_allclose(time, 2.0 * step / (np.sqrt(x[:-1]) + np.sqrt(x[1:])))
     for i in range(2):
         for k in range(2):
             e = h * np.eye(3)[i + k]
@@ -94,4 +93,4 @@ def test_the_duration_of_an_interval_has_the_derivatives_that_the_barrier_takes(
             numeric = (up - down)[i] / (2 * h) * moving[i, k]
             assert first[i, k] == pytest.approx(numeric, rel=1e-7)
             curved = (slope_up - slope_down)[i] / (2 * h) * moving[i, k]
-            np.testing.assert_allclose(second[i, k], curved, rtol=1e-7)
+            assert_allclose(second[i, k], curved, rtol=1e-7)

@@ -1,7 +1,5 @@
 """Demand of a path on each drive: followers, guides, gears."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest

@@ -1,7 +1,5 @@
 """What an object says of itself is one screen; `plot` and `summary` hold what `--out` writes."""
 
-from __future__ import annotations
-
 import doctest
 import pickle
 
@@ -11,6 +9,7 @@ import pytest
 from builders import chain, dry, example, plane_friction, sliding_block
 from dynamics.forward.test_forward import mimic_scene
 from matplotlib.figure import Figure
+from numpy.testing import assert_allclose, assert_array_equal
 from printed import assert_printed
 from sizing_cases import one_drive, trapezoid, turntable
 from sweep_cases import pushed_block, steady, sweep_of, swept_panda, uniform
@@ -180,10 +179,10 @@ def test_dataframe_begins_with_the_motion_in_one_number_a_joint():
     frame = pf.inverse_dynamics(scene, q, v, 0 * v, t=t).to_dataframe()
     names = ["wheel", "slide", *(f"ball.q[{i}]" for i in range(4))]
     assert list(frame.columns[:8]) == ["t", "wheel.q", "slide.q", *names[2:], "wheel.v"]
-    np.testing.assert_allclose(frame["wheel.q"], angle, atol=1e-12)
-    np.testing.assert_array_equal(frame["slide.q"], 0.1 * t)
+    assert_allclose(frame["wheel.q"], angle, atol=1e-12)
+    assert_array_equal(frame["slide.q"], 0.1 * t)
     assert frame["ball.a[2]"].tolist() == [0.0] * 21
-    np.testing.assert_array_equal(frame["wheel.v"], v[:, 0])
+    assert_array_equal(frame["wheel.v"], v[:, 0])
 
 
 def test_a_follower_has_no_column_and_its_leader_one():
@@ -200,17 +199,17 @@ def test_a_follower_has_no_column_and_its_leader_one():
     rows = np.reshape(motion.plot().axes, (-1, 3))
     said = [[t.get_text() for t in row[0].texts] + [row[0].get_title(loc="left")] for row in rows]
     assert said == [[leader], ["follows another joint", follower]]
-    np.testing.assert_allclose(rows[1][1].lines[0].get_ydata(), -0.7 * motion.v[:, 0])
+    assert_allclose(rows[1][1].lines[0].get_ydata(), -0.7 * motion.v[:, 0])
 
 
 def test_efforts_csv_holds_the_motion_that_was_given(panda):
     _, motion, result = panda
     frame = result.to_dataframe()
     for i, name in enumerate(motion.joint_names):
-        np.testing.assert_array_equal(frame[f"{name}.q"], motion.joint_positions()[:, i])
-        np.testing.assert_array_equal(frame[f"{name}.v"], motion.v[:, i])
-        np.testing.assert_array_equal(frame[f"{name}.a"], motion.a[:, i])
-    np.testing.assert_array_equal(frame["payload.box"], motion.attached[:, 0])
+        assert_array_equal(frame[f"{name}.q"], motion.joint_positions()[:, i])
+        assert_array_equal(frame[f"{name}.v"], motion.v[:, i])
+        assert_array_equal(frame[f"{name}.a"], motion.a[:, i])
+    assert_array_equal(frame["payload.box"], motion.attached[:, 0])
 
 
 def test_a_notebook_shows_a_result_as_its_table_and_its_figure_as_a_picture(panda):

@@ -1,7 +1,5 @@
 """The lightest set that swings fast enough, against an enumeration of all sets."""
 
-from __future__ import annotations
-
 from itertools import product
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Sizing on elastic gears: the safe resonance rule, and what is asked of the whole robot."""
 
-from __future__ import annotations
-
 from itertools import product
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Arms as people build them, with the drives that they build them of: each gets an answer."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

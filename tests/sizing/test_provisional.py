@@ -1,7 +1,5 @@
 """Provisional drives: what a missing figure must be, against the choice with that figure given."""
 
-from __future__ import annotations
-
 import re
 from math import pi
 

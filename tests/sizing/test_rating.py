@@ -1,7 +1,5 @@
 """Sizing by a rating: means over each joint's own part, what decides, and published arms."""
 
-from __future__ import annotations
-
 import re
 
 import numpy as np

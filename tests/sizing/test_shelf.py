@@ -1,7 +1,5 @@
 """The choice, against every drive judged one by one; and that it depends on nothing else."""
 
-from __future__ import annotations
-
 import json
 import random
 import time

@@ -1,7 +1,5 @@
 """Sizing: demands worked out by hand, drives with mass, ranking, and what does not fit."""
 
-from __future__ import annotations
-
 import dataclasses
 import sys
 from io import StringIO
@@ -13,6 +11,7 @@ import pytest
 from builders import chain, dry, example, lump, row
 from cases import resting_four_bar
 from mechanisms import shifted
+from numpy.testing import assert_allclose
 from rich.console import Console
 from sizing_cases import (
     ACCELERATION,
@@ -273,7 +272,7 @@ def test_chosen_transmissions_are_in_the_scene_of_the_report(tmp_path):
     report = pf.size(scene, still(scene), one_drive(tmp_path), conditions={"inertia_ratio": 100})
     again = pf.inverse_dynamics(report.scene, still(scene))
     for i, joint in enumerate(report.joints):
-        np.testing.assert_allclose(again.motor_torque_upper[:, i], joint.motor.torque_upper)
+        assert_allclose(again.motor_torque_upper[:, i], joint.motor.torque_upper)
     assert scene.drives[0].transmission is None  # the scene that was given is as it was
 
 
@@ -398,7 +397,7 @@ def test_cylinders_are_sized_by_their_own_rate():
             at = [data.oMf[model.getFrameId(end.link)].act(np.array(end.xyz)) for end in (a, b)]
             length[i, k] = np.linalg.norm(at[1] - at[0])
     rate = np.gradient(length, motion.t, axis=0, edge_order=2)
-    np.testing.assert_allclose(result.actuator_velocity, rate, atol=2e-3 * np.abs(rate).max())
+    assert_allclose(result.actuator_velocity, rate, atol=2e-3 * np.abs(rate).max())
     for k, joint in enumerate(report.joints):
         assert joint.demand.speed == pytest.approx(np.abs(rate[:, k]).max(), rel=5e-3)
         assert joint.load_inertia is None

@@ -1,7 +1,5 @@
 """One verdict: headline, tile, colour, table, signature, bill, JSON and exit code say the same."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 from io import StringIO

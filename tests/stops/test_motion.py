@@ -1,7 +1,5 @@
 """One stop: ten worked out by hand, a balance of energy, an arm by an integration of its own."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

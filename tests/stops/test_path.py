@@ -1,7 +1,5 @@
 """Stops along a path: constant speeds by hand, and a curved path against its own derivatives."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from builders import example

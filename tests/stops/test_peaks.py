@@ -1,7 +1,5 @@
 """Peaks of gears in stops by algebra: against Pinocchio's forward dynamics, and by hand."""
 
-from __future__ import annotations
-
 from itertools import product
 
 import numpy as np
@@ -9,6 +7,7 @@ import pinocchio as pin
 import pytest
 from builders import example, lump
 from mechanisms import shifted
+from numpy.testing import assert_allclose
 from stop_cases import axis
 
 import pinfric as pf
@@ -84,7 +83,7 @@ def test_peaks_of_all_joints_by_pinocchios_forward_dynamics(carried, torque):
         by_forward_dynamics(scene, carried, *row, hoses)
         for row in zip(q, v, np.sign(v), strict=True)
     ]
-    np.testing.assert_allclose(found, judged, rtol=1e-6)
+    assert_allclose(found, judged, rtol=1e-6)
 
 
 #: Joints that other drives turn as well, and joints that no drive turns.
@@ -132,7 +131,7 @@ def test_peaks_of_coupled_drives_and_beside_free_joints_by_one_linear_system(nam
         if n == 3 and rest.all():
             continue
         most[k] = np.maximum(most[k], np.where(rest, np.minimum(t, push), t))
-    np.testing.assert_allclose(found, most, rtol=1e-6)
+    assert_allclose(found, most, rtol=1e-6)
 
 
 def test_a_self_locking_gear_rests_and_passes_what_comes():
@@ -154,7 +153,7 @@ def test_a_self_locking_gear_rests_and_passes_what_comes():
     direction[:, 1] = 0.0
     machine = Machine(scene, (), {}, {}, {}, None)
     judged = gear_peaks(machine, holds, delay | {"lift": 0.0}, q, v, direction)
-    np.testing.assert_allclose(found, judged, rtol=1e-9)
+    assert_allclose(found, judged, rtol=1e-9)
 
 
 def lift(**stops):

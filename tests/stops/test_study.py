@@ -1,7 +1,5 @@
 """Worst stops of a cycle: against every sample, by speed and load, and what is refused."""
 
-from __future__ import annotations
-
 import json
 import re
 

@@ -6,6 +6,7 @@ import pickle
 import numpy as np
 import pytest
 from builders import example
+from numpy.testing import assert_allclose, assert_array_equal
 from sizing_cases import (
     GEAR,
     MOTOR,
@@ -139,7 +140,7 @@ def test_masses_of_drives_and_payload_count_as_in_size(panda, one_of_all):
             (assessment,) = joint.assessments
             failing |= agrees(found, row, assessment, joint.name)
         worst = found.figure("peak")[row]
-        np.testing.assert_allclose(worst, [j.demand.peak for j in report.joints], rtol=1e-12)
+        assert_allclose(worst, [j.demand.peak for j in report.joints], rtol=1e-12)
     assert {"gear repeated peak torque", "gear average torque"} <= failing
 
 
@@ -218,10 +219,10 @@ def test_every_sample_is_judged_as_size_judges_it(tmp_path):
     assert "gear repeated peak torque" in failing
     assert len(failing) > 1
     frame = found.to_dataframe()
-    np.testing.assert_array_equal(frame["table.suffices"], fits)
+    assert_array_equal(frame["table.suffices"], fits)
     met = frame[[f"table.{name}" for name in found.trials[0].met(found)]]
     assert "table.gear repeated peak torque" in met
-    np.testing.assert_array_equal(met.all(axis=1), fits)
+    assert_array_equal(met.all(axis=1), fits)
     as_text(in_json(sweep_summary(found)))
 
 
@@ -249,7 +250,7 @@ def test_losses_that_vary_are_those_judged(tmp_path):
     peaks = swept(2.0).figure("motor_peak")[:, 0]
     assert np.diff(peaks)[0] == pytest.approx(2 * 0.02, rel=1e-9)
     found = swept(1.2 * float(peaks[0]) + 1e-9)
-    np.testing.assert_array_equal(found.trials[0].met(found)["peak torque"], [True, False])
+    assert_array_equal(found.trials[0].met(found)["peak torque"], [True, False])
 
 
 def test_missing_figures_are_named(tmp_path):
@@ -319,7 +320,7 @@ def test_verdicts_travel(tmp_path):
     study = Study(equipped, motion, resolve(scene, entries, source), trials)
     block = compute(pickle.loads(pickle.dumps(study)), np.arange(6), found.values)
     for name in FIGURES:
-        np.testing.assert_array_equal(block[f"table.{name}"], found.figure(name)[:, 0])
+        assert_array_equal(block[f"table.{name}"], found.figure(name)[:, 0])
     assert 0 < found.sufficing().sum() < 6
 
 

@@ -1,12 +1,11 @@
 """Stiffness and hysteresis as uncertain figures: closed forms, the store, what is refused."""
 
-from __future__ import annotations
-
 import warnings
 
 import numpy as np
 import pytest
 from builders import example
+from numpy.testing import assert_allclose, assert_array_equal
 from scipy import stats
 from sweep_cases import BOX, MASS, MU, G, pushed_block, run, steady, sweep_of, uniform
 
@@ -39,11 +38,11 @@ def grid(**parameters):
 def test_stiffness_scales_places_and_frequencies(arm):
     found = pf.sweep(*arm, grid(transmission__all__stiffness=[0.5, 1.0, 2.0]), processes=1)
     soft, usual, stiff = found.elastic
-    np.testing.assert_allclose(soft[1:], 2 * usual[1:], rtol=1e-9)
-    np.testing.assert_allclose(stiff[1:], 0.5 * usual[1:], rtol=1e-9)
+    assert_allclose(soft[1:], 2 * usual[1:], rtol=1e-9)
+    assert_allclose(stiff[1:], 0.5 * usual[1:], rtol=1e-9)
     assert soft[0] == pytest.approx(usual[0] / np.sqrt(2), rel=1e-7)
     peaks = found.figure("motor_peak")
-    np.testing.assert_array_equal(peaks[0], peaks[2])  # efforts know nothing of it
+    assert_array_equal(peaks[0], peaks[2])  # efforts know nothing of it
     rest = pf.elasticity(pf.inverse_dynamics(*arm))
     assert usual[0] == pytest.approx(rest.frequency.min())
     assert usual[2] == pytest.approx(rest.worst.tool.farthest)
@@ -92,7 +91,7 @@ def test_less_hysteresis_narrows_the_interval_and_leaves_the_motors(arm):
     found = pf.sweep(*arm, given, processes=1)
     assert found.elastic[0, 2] < 0.35 * found.elastic[1, 2]
     assert found.elastic[0, 1] == pytest.approx(found.elastic[1, 1])
-    np.testing.assert_allclose(*found.figure("motor_peak"), rtol=0.03)
+    assert_allclose(*found.figure("motor_peak"), rtol=0.03)
 
 
 def test_other_sweeps_of_an_elastic_arm_have_no_such_figures(arm):
@@ -222,8 +221,8 @@ def test_effort_follows_friction_and_payload_as_worked_by_hand():
     )
     factor, box = found.values.T
     effort = factor * MU * (MASS + box) * G
-    np.testing.assert_allclose(found.figure("peak")[:, 0], effort, rtol=1e-12)
-    np.testing.assert_allclose(found.figure("rms")[:, 0], effort, rtol=1e-12)
+    assert_allclose(found.figure("peak")[:, 0], effort, rtol=1e-12)
+    assert_allclose(found.figure("rms")[:, 0], effort, rtol=1e-12)
     assert found.parameter_names == ("friction.*.mu", "payload.box.mass")
     assert factor.min() >= 0.5
     assert box.max() <= 4.0
@@ -247,8 +246,8 @@ def test_mounting_turns_gravity_and_speed_scales_time():
     along = MASS * G * np.sin(pitch)
     across = MASS * G * np.cos(pitch)  # roll turns it within the plane the friction feels
     effort = MU * across + MASS * 0.8 * speed**2 - along
-    np.testing.assert_allclose(found.figure("peak")[:, 0], effort, rtol=1e-12)
-    np.testing.assert_allclose(found.figure("speed")[:, 0], 1.3 * speed, rtol=1e-12)
+    assert_allclose(found.figure("peak")[:, 0], effort, rtol=1e-12)
+    assert_allclose(found.figure("speed")[:, 0], 1.3 * speed, rtol=1e-12)
     assert np.ptp(roll) > 0.1
 
 
@@ -269,7 +268,7 @@ U = (np.arange(4000) + 0.5) / 4000
     ],
 )
 def test_quantiles_are_scipys(distribution, reference):
-    np.testing.assert_allclose(distribution.quantile(U), reference.ppf(U), rtol=1e-9, atol=1e-12)
+    assert_allclose(distribution.quantile(U), reference.ppf(U), rtol=1e-9, atol=1e-12)
     ends = distribution.quantile(np.array([0.0, 1 - 2.0**-53]))
     assert np.isfinite(ends).all()
     low, high = distribution.support
@@ -278,7 +277,7 @@ def test_quantiles_are_scipys(distribution, reference):
 
 def test_choices_and_steps_come_as_often_as_each_other():
     values = Choice(values=(3.0, 1.0)).quantile(U)
-    np.testing.assert_array_equal(values, np.repeat([3.0, 1.0], 2000))
+    assert_array_equal(values, np.repeat([3.0, 1.0], 2000))
     there, counts = np.unique(Steps(low=0.0, high=1.0, count=5).quantile(U), return_counts=True)
-    np.testing.assert_allclose(there, [0.0, 0.25, 0.5, 0.75, 1.0])
+    assert_allclose(there, [0.0, 0.25, 0.5, 0.75, 1.0])
     assert set(counts) == {800}

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 from sweep_cases import BOX, MASS, MU, G, pushed_block, run, steady, sweep_of, uniform
 
 
@@ -9,7 +10,7 @@ def test_percentiles_and_odds_are_those_of_the_distribution():
     scene = pushed_block()
     found = run(scene, steady(scene), sweep_of(2000, friction__all__mu=uniform(0.5, 1.5)))
     expected = (0.5 + np.array([5, 50, 95, 99]) / 100) * MU * MASS * G
-    np.testing.assert_allclose(found.quantiles("peak")[:, 0], expected, rtol=0.05)
+    assert_allclose(found.quantiles("peak")[:, 0], expected, rtol=0.05)
     # a factor up to 1.2 of 0.5 to 1.5: 70 %
     odds = found.probability(found.figure("peak")[:, 0] <= 1.2 * MU * MASS * G)
     assert odds.value == pytest.approx(0.7, abs=0.035)
@@ -58,8 +59,8 @@ def test_sobol_shares_of_a_product_are_the_analytic_ones():
     first = np.array([var_f * mean_w**2, var_w * mean_f**2, 0.0]) / total
     both = var_f * var_w / total
     (shares,) = found.sobol("rms")
-    np.testing.assert_allclose(shares.first, first, atol=0.008)
-    np.testing.assert_allclose(shares.total, np.add(first, [both, both, 0.0]), atol=0.008)
+    assert_allclose(shares.first, first, atol=0.008)
+    assert_allclose(shares.total, np.add(first, [both, both, 0.0]), atol=0.008)
     for low, value, high in (
         (shares.first_low, shares.first, shares.first_high),
         (shares.total_low, shares.total, shares.total_high),

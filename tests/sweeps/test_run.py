@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import yaml
 from builders import example
+from numpy.testing import assert_allclose, assert_array_equal
 from sweep_cases import MASS, MU, G, pushed_block, run, steady, steps, sweep_of, uniform
 
 import pinfric as pf
@@ -19,8 +20,8 @@ def test_the_seed_decides_the_samples():
         run(scene, steady(scene), sweep_of(10, seed=seed, speed=uniform(0.5, 2.0)))
         for seed in (1, 1, 2)
     )
-    np.testing.assert_array_equal(one.values, again.values)
-    np.testing.assert_array_equal(one.figures, again.figures)
+    assert_array_equal(one.values, again.values)
+    assert_array_equal(one.figures, again.figures)
     assert (one.values != other.values).all()
 
 
@@ -36,7 +37,7 @@ def test_grid_has_every_combination_once():
         ),
     )
     assert [tuple(v) for v in found.values] == [(f, p) for f in (0.5, 1.0, 1.5) for p in (0.0, 0.1)]
-    np.testing.assert_allclose(found.figure("peak")[::2, 0], MU * MASS * G * found.values[::2, 0])
+    assert_allclose(found.figure("peak")[::2, 0], MU * MASS * G * found.values[::2, 0])
 
 
 @pytest.mark.slow
@@ -48,7 +49,7 @@ def test_samples_that_jam_are_counted_not_hidden():
     )
     with pytest.warns(pf.PinfricWarning, match="1 of 3 samples have no solution"):
         found = run(scene, motion, sweep)
-    np.testing.assert_array_equal(found.solved, [True, True, False])
+    assert_array_equal(found.solved, [True, True, False])
     assert found.unsolved[2] > 0
     assert np.isfinite(found.quantiles("peak")).all()
 
@@ -62,7 +63,7 @@ def test_sample_that_is_refused_says_why():
     sweep = sweep_of(sampling="grid", mounting__roll={"choice": {"values": [0.0, 0.1]}})
     with pytest.warns(pf.PinfricWarning, match="give `width`"):
         found = run(scene, steady(scene), sweep)
-    np.testing.assert_array_equal(found.solved, [True, False])
+    assert_array_equal(found.solved, [True, False])
     assert found.problems[0] == ""
     assert "width" in found.problems[1]
     with pytest.raises(SweepError, match=r"no sample could be computed.*width"):
@@ -85,5 +86,5 @@ def test_bundled_sweep_fits_its_scene():
     assert len(found.trials) == len(entries.motors) > 0
     frame = found.to_dataframe()
     assert len(frame) == 30
-    np.testing.assert_array_equal(frame["panda_joint2.rms"], found.figure("rms")[:, 1])
-    np.testing.assert_array_equal(frame["speed"], found.values[:, -3])
+    assert_array_equal(frame["panda_joint2.rms"], found.figure("rms")[:, 1])
+    assert_array_equal(frame["speed"], found.values[:, -3])

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from builders import dry
+from numpy.testing import assert_array_equal
 from sweep_cases import pushed_block, steady, sweep_of, uniform
 
 import pinfric as pf
@@ -142,10 +143,10 @@ def test_figures_do_not_depend_on_the_batch():
     study, values = study_of(scene, swing(scene), **ALL)
     whole = figures(study, np.arange(4), values)
     parts = [figures(study, rows, values) for rows in ([2], [0, 3, 1])]
-    np.testing.assert_array_equal(np.concatenate(parts), whole[[2, 0, 3, 1]])
+    assert_array_equal(np.concatenate(parts), whole[[2, 0, 3, 1]])
     with ThreadPoolExecutor(2) as threads:  # a worker of a cluster may have several
         found = list(threads.map(lambda _: figures(study, np.arange(4), values), range(8)))
-    np.testing.assert_array_equal(found, [whole] * 8)
+    assert_array_equal(found, [whole] * 8)
 
 
 def test_scenes_without_bearings_or_friction_are_sums_too():

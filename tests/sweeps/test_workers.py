@@ -14,9 +14,9 @@ import threading
 from pathlib import Path
 from time import monotonic, sleep
 
-import numpy as np
 import pytest
 from builders import example
+from numpy.testing import assert_array_equal
 from processes import children, workers
 from sweep_cases import pushed_block, steady, sweep_of, uniform
 
@@ -138,8 +138,8 @@ def test_a_cluster_gives_the_figures_of_one_process(panda, undisturbed, schedule
     with pytest.raises(SweepError, match=said) if lost == "scheduler" else contextlib.nullcontext():
         with on_cluster(scheduler.address):
             found = pf.sweep(*panda, SWEEP, progress=progress)
-        np.testing.assert_array_equal(found.figures, undisturbed.figures)
-        np.testing.assert_array_equal(found.values, undisturbed.values)
+        assert_array_equal(found.figures, undisturbed.figures)
+        assert_array_equal(found.values, undisturbed.values)
 
 
 @pytest.mark.slow
@@ -257,10 +257,10 @@ def test_classes_and_limits_of_a_script_reach_the_processes(tmp_path):
         given = {{**sweep_of(40, motors={{"table": {{"drive": "M + G"}}}}, speed=uniform(0.9, 1.3)),
                   "catalog": catalog}}
         one, two = (pf.sweep(scene, trapezoid(scene), given, processes=n) for n in (1, 2))
-        np.testing.assert_array_equal(one.figures, two.figures)
+        assert_array_equal(one.figures, two.figures)
         (trial,) = two.trials
         met = trial.met(two)["coupling torque"]
-        np.testing.assert_array_equal(met, two.figure("motor_peak")[:, 0] <= 0.3)
+        assert_array_equal(met, two.figure("motor_peak")[:, 0] <= 0.3)
         print("both", 0 < met.sum() < 40)
         """)
     )

@@ -11,6 +11,7 @@ from log_cases import (
     T,
     arm,
 )
+from numpy.testing import assert_allclose, assert_array_equal
 
 import pinfric as pf
 from pinfric.errors import TrajectoryError
@@ -55,15 +56,15 @@ def test_bags_as_folder_and_as_file(storage, tmp_path):
     alone = shutil.copy(file, tmp_path / file.name)
     for path in (folder, file, alone):
         motion = pf.load_trajectory(path, arm())
-        np.testing.assert_allclose(motion.t, T, atol=1e-9)
-        np.testing.assert_array_equal(motion.q, Q)
-        np.testing.assert_array_equal(motion.reading.effort["base_turn"], 2.0)
+        assert_allclose(motion.t, T, atol=1e-9)
+        assert_array_equal(motion.q, Q)
+        assert_array_equal(motion.reading.effort["base_turn"], 2.0)
         assert "columns not used: 'gripper', 'gripper/effort'" in motion.warnings
     renamed = {"arm_lift": "base_turn", "base_turn": "arm_lift"}
     (tmp_path / "names.yaml").write_text(f"joints: {renamed}")
     other = pf.load_trajectory(folder, arm(), ReadingOptions(columns=tmp_path / "names.yaml"))
-    np.testing.assert_array_equal(other.q, Q[:, ::-1])
-    np.testing.assert_array_equal(other.reading.effort["arm_lift"], 2.0)
+    assert_array_equal(other.q, Q[:, ::-1])
+    assert_array_equal(other.reading.effort["arm_lift"], 2.0)
     cut = tmp_path / f"cut{file.suffix}"
     cut.write_bytes(file.read_bytes()[: file.stat().st_size // 2])
     with pytest.raises(TrajectoryError, match="the bag is damaged or truncated") as caught:
@@ -84,8 +85,8 @@ def test_a_bag_without_joint_states_says_what_it_has(tmp_path):
 def test_messages_without_names_hold_nothing(tmp_path):
     bag = write_bag(tmp_path / "bag", "SQLITE3", names=lambda i: [] if i in (0, 7) else NAMES)
     motion = pf.load_trajectory(bag, arm())
-    np.testing.assert_allclose(motion.q[-1], Q[-1])
-    np.testing.assert_allclose(motion.t[-1], T[-1] - T[1], atol=1e-9)
+    assert_allclose(motion.q[-1], Q[-1])
+    assert_allclose(motion.t[-1], T[-1] - T[1], atol=1e-9)
     bare = write_bag(tmp_path / "bare", "SQLITE3", names=lambda i: [])
     with pytest.raises(TrajectoryError, match="no message of topic /joint_states names a joint"):
         pf.load_trajectory(bare, arm())

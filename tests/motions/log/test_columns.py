@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from log_cases import DIALECTS, NAMES, PLAIN, Q, T, V, arm, load, refused, table
+from numpy.testing import assert_allclose
 
 import pinfric as pf
 from pinfric.errors import TrajectoryError
@@ -49,7 +50,7 @@ joints:
 """)
     text = table(("t", *NAMES, "base_turn/current", "arm_lift/current"), T, Q, V)
     motion = load(tmp_path, text)
-    np.testing.assert_allclose(motion.reading.effort["base_turn"], 11.5 * V[:, 0], atol=1e-9)
+    assert_allclose(motion.reading.effort["base_turn"], 11.5 * V[:, 0], atol=1e-9)
     assert [line for line in motion.warnings if "not used" in line] == [
         "columns not used: 'arm_lift/current'"
     ]
@@ -60,11 +61,11 @@ def test_rows_without_a_time_have_the_rate_that_a_person_gives(tmp_path):
     assert "`time: {rate: 50}`" in refused(tmp_path, text)
     (tmp_path / "log.columns.yaml").write_text("time: {rate: 200}")
     motion = load(tmp_path, text)
-    np.testing.assert_allclose((motion.t, *motion.q.T), (T, *Q.T), atol=1e-11)
+    assert_allclose((motion.t, *motion.q.T), (T, *Q.T), atol=1e-11)
     assert "no column is the time: rows taken as written at 200 Hz" in motion.warnings
     lines = text.splitlines(keepends=True)
     torn = load(tmp_path, "".join([*lines[:50], "0.1\n", *lines[51:]]))  # its time is kept
-    np.testing.assert_allclose(torn.t, np.delete(T, 49), atol=1e-9)
+    assert_allclose(torn.t, np.delete(T, 49), atol=1e-9)
     for wrong in ("{rate: 0}", "{rate: 50, column: t}", "{unit: s}"):
         (tmp_path / "log.columns.yaml").write_text(f"time: {wrong}")
         assert "log.columns.yaml: `time" in refused(tmp_path, text)
@@ -85,7 +86,7 @@ def test_a_table_of_efforts_is_a_motion_again_without_a_word(tmp_path):
     efforts = pf.inverse_dynamics(arm(), motion).to_dataframe().to_csv(index=False)
     again = load(tmp_path, efforts)
     assert again.warnings == ()
-    np.testing.assert_allclose(again.a, motion.a, atol=1e-12)
+    assert_allclose(again.a, motion.a, atol=1e-12)
     scene = pf.Scene(model=arm().model, friction={"arm_lift": {"viscous": 0.1}})
     falls = (
         pf.simulate(scene, [0.1, 0.2], [0.0, 0.0], [0.0, 0.0], 0.2)
@@ -107,9 +108,9 @@ joints:
   arm_lift: {position: J2, current: I2, effort_scale: 11.5}
 """)
     motion = pf.load_trajectory(tmp_path / "log.csv", arm())
-    np.testing.assert_allclose(motion.t, T, atol=1e-12)
-    np.testing.assert_allclose(motion.q, Q, atol=1e-9)
-    np.testing.assert_allclose(motion.reading.effort["arm_lift"], 11.5 * 2 * V[:, 1], atol=1e-9)
+    assert_allclose(motion.t, T, atol=1e-12)
+    assert_allclose(motion.q, Q, atol=1e-9)
+    assert_allclose(motion.reading.effort["arm_lift"], 11.5 * 2 * V[:, 1], atol=1e-9)
     (tmp_path / "other.yaml").write_text("joints: {base_turn: J9, arm_lft: J2}")
     with pytest.raises(TrajectoryError) as caught:
         pf.load_trajectory(

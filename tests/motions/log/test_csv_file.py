@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from log_cases import DIALECTS, NAMES, PLAIN, Q, T, V, load, refused, table
+from numpy.testing import assert_allclose
 
 from pinfric.model.csv_text import number_of
 from pinfric.motions.log import csv_file
@@ -11,10 +12,10 @@ from pinfric.motions.log import csv_file
 @pytest.mark.parametrize("dialect", DIALECTS)
 def test_dialects_give_the_motion_of_the_plain_file(dialect, tmp_path):
     plain, motion = load(tmp_path, PLAIN), load(tmp_path, DIALECTS[dialect])
-    np.testing.assert_allclose(motion.t, plain.t, atol=1e-9)
-    np.testing.assert_allclose(motion.q, plain.q, atol=1e-11)
-    np.testing.assert_allclose(motion.v, plain.v, atol=1e-7)
-    np.testing.assert_allclose(motion.a, plain.a, atol=1e-4)
+    assert_allclose(motion.t, plain.t, atol=1e-9)
+    assert_allclose(motion.q, plain.q, atol=1e-11)
+    assert_allclose(motion.v, plain.v, atol=1e-7)
+    assert_allclose(motion.a, plain.a, atol=1e-4)
 
 
 @pytest.mark.parametrize("row", ["0;0;1.000,5", "0;0;12.500"])
@@ -37,8 +38,8 @@ def test_what_ros2_topic_echo_writes_has_no_header(quantities, tmp_path):
         for k in range(400)
     ]
     motion = load(tmp_path, "\n".join(map(",".join, rows)) + "\n")
-    np.testing.assert_allclose(motion.t, T, atol=1e-9)
-    np.testing.assert_allclose(motion.q, Q, atol=1e-10)
+    assert_allclose(motion.t, T, atol=1e-9)
+    assert_allclose(motion.q, Q, atol=1e-10)
     assert ("arm_lift" in motion.reading.effort) == (quantities == 3)
     assert motion.warnings[0].startswith("columns not used: 'header.frame_id'")
     assert "name_0" not in motion.warnings[0]
@@ -63,9 +64,9 @@ def test_what_ros2_topic_echo_writes_may_change_its_order(tmp_path):
             )
         )
     motion = load(tmp_path, "\n".join(rows) + "\n")
-    np.testing.assert_allclose(motion.q, Q, atol=1e-6)  # four rows interpolated
+    assert_allclose(motion.q, Q, atol=1e-6)  # four rows interpolated
     assert "or their order, change in 251 rows, first in line 71" in motion.warnings[0]
-    np.testing.assert_allclose(motion.reading.effort["arm_lift"], 7.0 * Q[:, 1], atol=1e-3)
+    assert_allclose(motion.reading.effort["arm_lift"], 7.0 * Q[:, 1], atol=1e-3)
 
 
 def test_a_log_cut_off_while_it_was_written(tmp_path):
@@ -144,8 +145,8 @@ def test_stamps_of_iso_8601_are_times(zone, tmp_path):
         for stamp, q in zip(stamps, Q, strict=True)
     ]
     motion = load(tmp_path, "\n".join([",".join(("time", *NAMES)), *rows]) + "\n")
-    np.testing.assert_allclose(motion.t, T, atol=1e-9)
-    np.testing.assert_allclose(motion.q, Q, atol=1e-11)
+    assert_allclose(motion.t, T, atol=1e-9)
+    assert_allclose(motion.q, Q, atol=1e-11)
 
 
 @pytest.mark.parametrize("cell", ["0_0.3", "\uff10.\uff13", "\u0660.\u0663"])

@@ -12,6 +12,7 @@ from log_cases import (
     T,
     arm,
 )
+from numpy.testing import assert_allclose, assert_array_equal
 
 import pinfric as pf
 from pinfric.errors import PinfricWarning, TrajectoryError
@@ -23,10 +24,10 @@ def test_gzipped_files_with_a_mapping_beside_them(tmp_path):
     import gzip
 
     (tmp_path / "log.csv.gz").write_bytes(gzip.compress(PLAIN.encode()))
-    np.testing.assert_allclose(pf.load_trajectory(tmp_path / "log.csv.gz", arm()).q, Q, atol=1e-11)
+    assert_allclose(pf.load_trajectory(tmp_path / "log.csv.gz", arm()).q, Q, atol=1e-11)
     (tmp_path / "log.columns.yaml").write_text("joints: {base_turn: arm_lift, arm_lift: base_turn}")
     turned = pf.load_trajectory(tmp_path / "log.csv.gz", arm()).q
-    np.testing.assert_allclose(turned, Q[:, ::-1], atol=1e-11)
+    assert_allclose(turned, Q[:, ::-1], atol=1e-11)
     whole = (tmp_path / "log.csv.gz").read_bytes()
     for content in (
         whole[: len(whole) // 2],
@@ -68,8 +69,8 @@ joints:
   arm_lift: {position: rec.deg_2, effort: rec.tau_2}
 """)
     motion = pf.load_trajectory(tmp_path / "log.mat", arm())
-    np.testing.assert_allclose(motion.q, Q, atol=1e-12)
-    np.testing.assert_allclose(motion.reading.effort["arm_lift"], 7.0 * Q[:, 1], atol=1e-12)
+    assert_allclose(motion.q, Q, atol=1e-12)
+    assert_allclose(motion.reading.effort["arm_lift"], 7.0 * Q[:, 1], atol=1e-12)
     (tmp_path / "log.columns.yaml").unlink()
     with pytest.raises(TrajectoryError, match=r"there are: rec\.time, rec\.deg_1, rec\.deg_2"):
         pf.load_trajectory(tmp_path / "log.mat", arm())
@@ -112,11 +113,11 @@ def test_json_and_numpy_files(content, tmp_path):
             "time: log.t\njoints: {base_turn: log.q_1, arm_lift: log.q_2}"
         )
     motion = pf.load_trajectory(path, arm())
-    np.testing.assert_allclose(motion.q, Q, atol=1e-12)
-    np.testing.assert_allclose(motion.t, T, atol=1e-9)
+    assert_allclose(motion.q, Q, atol=1e-12)
+    assert_allclose(motion.t, T, atol=1e-9)
     if isinstance(content, dict) and "log" not in content:
         np.savez(tmp_path / "log.npz", **{key: np.array(x) for key, x in content.items()})
-        np.testing.assert_array_equal(pf.load_trajectory(tmp_path / "log.npz", arm()).q, motion.q)
+        assert_array_equal(pf.load_trajectory(tmp_path / "log.npz", arm()).q, motion.q)
     for name in ("log.json", "log.npz"):
         for damaged in (b"", b"{", b"PK\x03\x04" + bytes(100), b"[1, 2]", b'{"a": "text"}'):
             (tmp_path / name).write_bytes(damaged)
@@ -134,7 +135,7 @@ def test_lists_of_parquet_files_are_columns(tmp_path):
         tmp_path / "episode.parquet"
     )
     motion = pf.load_trajectory(tmp_path / "episode.parquet", arm())
-    np.testing.assert_allclose(motion.q, Q, atol=1e-6)
+    assert_allclose(motion.q, Q, atol=1e-6)
     assert "'frame_index', 'action_0', 'action_1'" in "\n".join(motion.warnings)
 
 
@@ -145,8 +146,8 @@ def test_parquet(tmp_path):
     frame = pd.DataFrame({"timestamp": stamps, "base_turn": Q[:, 0], "arm_lift": Q[:, 1]})
     frame.to_parquet(tmp_path / "log.parquet")
     motion = pf.load_trajectory(tmp_path / "log.parquet", arm())
-    np.testing.assert_allclose(motion.t, T, atol=1e-9)
-    np.testing.assert_array_equal(motion.q, Q)
+    assert_allclose(motion.t, T, atol=1e-9)
+    assert_array_equal(motion.q, Q)
     (tmp_path / "cut.parquet").write_bytes((tmp_path / "log.parquet").read_bytes()[:-100])
     with pytest.raises(TrajectoryError, match="cannot be read as a Parquet file") as caught:
         pf.load_trajectory(tmp_path / "cut.parquet", arm())
@@ -177,8 +178,8 @@ def test_parquet_times_with_a_zone_are_read_without_a_word(tmp_path, recwarn, zo
     times = in_nanoseconds(pa.timestamp("ns")).cast(pa.timestamp(unit, zone))
     file = write_parquet(tmp_path / "log.parquet", t=times)
     motion = pf.load_trajectory(file, arm())
-    np.testing.assert_allclose(motion.t, T, atol=1e-9)
-    np.testing.assert_array_equal(motion.q, Q)
+    assert_allclose(motion.t, T, atol=1e-9)
+    assert_array_equal(motion.q, Q)
     assert [w for w in recwarn if not issubclass(w.category, PinfricWarning)] == []
 
 
@@ -192,19 +193,19 @@ def test_parquet_durations_decimals_and_rows_without_a_time(tmp_path):
     motion = pf.load_trajectory(
         write_parquet(tmp_path / "log.parquet", t=durations, base_turn=places), arm()
     )
-    np.testing.assert_allclose(motion.t, T, atol=1e-9)
-    np.testing.assert_allclose(motion.q, Q, atol=1e-9)
+    assert_allclose(motion.t, T, atol=1e-9)
+    assert_allclose(motion.q, Q, atol=1e-9)
     stamps = in_nanoseconds(pa.timestamp("ns")).to_pylist()
     holes = pa.array([None if i == 200 else s for i, s in enumerate(stamps)], pa.timestamp("ns"))
     motion = pf.load_trajectory(write_parquet(tmp_path / "hole.parquet", t=holes), arm())
-    np.testing.assert_allclose(motion.t[-1], T[-1], atol=1e-9)
-    np.testing.assert_allclose(motion.t, np.delete(T, 200), atol=1e-9)
+    assert_allclose(motion.t[-1], T[-1], atol=1e-9)
+    assert_allclose(motion.t, np.delete(T, 200), atol=1e-9)
 
 
 @pytest.mark.parametrize("metadata", [b"{}", b"no json", b'{"index_columns": ["gone"]}'])
 def test_parquet_takes_any_metadata_of_pandas(tmp_path, metadata):
     file = write_parquet(tmp_path / "log.parquet", {b"pandas": metadata})
-    np.testing.assert_array_equal(pf.load_trajectory(file, arm()).q, Q)
+    assert_array_equal(pf.load_trajectory(file, arm()).q, Q)
 
 
 def test_parquet_that_cannot_be_a_log(tmp_path):

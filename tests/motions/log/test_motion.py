@@ -17,6 +17,7 @@ from log_cases import (
     table,
     write_csv,
 )
+from numpy.testing import assert_allclose, assert_array_equal
 
 import pinfric as pf
 from pinfric.motions.log.judged import judge_log
@@ -98,14 +99,14 @@ def test_bundled_files_pass_through_bit_for_bit(name, tmp_path):
     bare = write_csv(tmp_path / "bare.csv", cells[:, 0], plan.joint_names, q, "%.17g")
     motion = pf.load_trajectory(bare, scene)
     assert not motion.reading.filtered
-    np.testing.assert_array_equal(motion.t, cells[:, 0])
+    assert_array_equal(motion.t, cells[:, 0])
     for i in range(q.shape[1]):
         v, a = position_derivatives(cells[:, 0], q[:, i], find_holds(q[:, i], 1e-16))
-        np.testing.assert_array_equal(motion.v[:, i], v)
-        np.testing.assert_array_equal(motion.a[:, i], a)
+        assert_array_equal(motion.v[:, i], v)
+        assert_array_equal(motion.a[:, i], a)
     for array, given in (("v", ".v"), ("a", ".a")):
         columns = [header.index(joint + given) for joint in plan.joint_names]
-        np.testing.assert_array_equal(getattr(plan, array), cells[:, columns])
+        assert_array_equal(getattr(plan, array), cells[:, columns])
 
 
 def test_a_plan_printed_with_few_digits_stays_a_plan(jerky, tmp_path):
@@ -132,7 +133,7 @@ def test_a_motion_with_power_up_to_its_cutoff_keeps_its_peaks(smooth, seed, tmp_
     )
     motion = pf.load_trajectory(path, smooth.scene)
     found = peaks(pf.inverse_dynamics(smooth.scene, motion))[LOADED]
-    np.testing.assert_allclose(found, truth, rtol=0.015)  # also where the log ends in motion
+    assert_allclose(found, truth, rtol=0.015)  # also where the log ends in motion
 
 
 @pytest.mark.parametrize("name", ["four_bar", pytest.param("slider_crank", marks=pytest.mark.slow)])
@@ -143,7 +144,7 @@ def test_noisy_logs_of_all_joints_of_a_loop_are_closed(name, tmp_path):
     motion = pf.load_trajectory(path, scene)
     assert "loops closed by correcting joints, " in motion.warnings[-1]
     truth, found = (peaks(pf.inverse_dynamics(scene, m)) for m in (plan, motion))
-    np.testing.assert_allclose(found, truth, rtol=0.01)
+    assert_allclose(found, truth, rtol=0.01)
     q[:, -1] += 0.05  # no noise: another zero
     open_loop = write_csv(tmp_path / "log.csv", plan.t[:300], plan.joint_names, q[:300])
     with pytest.raises(pf.PinfricError, match=r"is open at sample 0, by 0\.0"):

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from builders import pick_and_place
 from log_cases import write_csv
+from numpy.testing import assert_allclose, assert_array_equal
 from trajectory_cases import arm_scene, message, one_joint_scene, write
 
 from pinfric.motions.log.reading import ReadingOptions
@@ -18,27 +19,27 @@ def test_csv_without_derivatives(tmp_path):
     path = write_csv(tmp_path / "m.csv", t, (" a", " b", " c"), rows, "%.15g")
     motion = load_trajectory(path, arm_scene())
     assert motion.q.shape == (201, 4)
-    np.testing.assert_allclose(motion.q[:, 2], np.cos(3 * t), atol=1e-14)
-    np.testing.assert_allclose(motion.q[:, 3], np.sin(3 * t), atol=1e-14)
-    np.testing.assert_allclose(motion.v[:, 0], np.cos(t), atol=1e-9)
-    np.testing.assert_allclose(motion.v[:, 2], 3.0, atol=1e-9)
-    np.testing.assert_allclose(motion.a[:, 1], -0.1 * np.cos(t), atol=1e-6)
-    np.testing.assert_allclose(motion.joint_positions()[:, 2], 3 * t, atol=1e-14)
+    assert_allclose(motion.q[:, 2], np.cos(3 * t), atol=1e-14)
+    assert_allclose(motion.q[:, 3], np.sin(3 * t), atol=1e-14)
+    assert_allclose(motion.v[:, 0], np.cos(t), atol=1e-9)
+    assert_allclose(motion.v[:, 2], 3.0, atol=1e-9)
+    assert_allclose(motion.a[:, 1], -0.1 * np.cos(t), atol=1e-6)
+    assert_allclose(motion.joint_positions()[:, 2], 3 * t, atol=1e-14)
     assert motion.joint_nq == (1, 1, 2)
 
 
 def test_csv_column_order_comments_blank_lines_and_bom(tmp_path):
     path = write(tmp_path, "m.csv", "\ufeff# a comment\nc,b,t,a\n\n0,0.1,0,1\n# more\n0,0.1,1,1\n")
     motion = load_trajectory(path, arm_scene())
-    np.testing.assert_array_equal(motion.t, [0, 1])
-    np.testing.assert_array_equal(motion.q, [[1, 0.1, 1, 0]] * 2)
+    assert_array_equal(motion.t, [0, 1])
+    assert_array_equal(motion.q, [[1, 0.1, 1, 0]] * 2)
 
 
 def test_given_derivatives_are_kept(tmp_path):
     path = write(tmp_path, "m.csv", "t,a,a.v,a.a\n0,0,5,7\n1,0,6,8\n2,1,-1,9\n")
     motion = load_trajectory(path, one_joint_scene())
-    np.testing.assert_array_equal(motion.v[:, 0], [5, 6, -1])
-    np.testing.assert_array_equal(motion.a[:, 0], [7, 8, 9])
+    assert_array_equal(motion.v[:, 0], [5, 6, -1])
+    assert_array_equal(motion.a[:, 0], [7, 8, 9])
     assert motion.warnings == (
         "joint a: reaches 6 rad/s, above its velocity limit 1.5 (first at t = 0 s; "
         "samples beyond it: 2)",
@@ -51,9 +52,9 @@ def test_acceleration_from_given_velocity_and_velocity_beside_given_acceleration
         rows = np.column_stack((np.sin(t), values))
         path = write_csv(tmp_path / "m.csv", t, ("a", column), rows, "%.15g")
         motion = load_trajectory(path, one_joint_scene())
-        np.testing.assert_allclose(motion.v[:, 0], np.cos(t), atol=1e-8)
+        assert_allclose(motion.v[:, 0], np.cos(t), atol=1e-8)
         expected = -np.sin(t) if column == "a.v" else np.full(101, 4.0)
-        np.testing.assert_allclose(motion.a[:, 0], expected, atol=1e-8)
+        assert_allclose(motion.a[:, 0], expected, atol=1e-8)
 
 
 def test_csv_holds_are_exactly_still(tmp_path):
@@ -64,7 +65,7 @@ def test_csv_holds_are_exactly_still(tmp_path):
     for hold, start, end in zip(motion.holds(), (0, 2, 3.5), (1, 2.5, 4), strict=True):
         assert hold.start == pytest.approx(start, abs=0.01)
         assert hold.end == pytest.approx(end, abs=0.01)
-    np.testing.assert_allclose(motion.v[:, 0], v, atol=2e-3)
+    assert_allclose(motion.v[:, 0], v, atol=2e-3)
 
 
 def test_coarse_positions_are_filtered_or_pointed_out(tmp_path):
@@ -96,7 +97,7 @@ def test_a_joint_that_stands_still_has_no_noise_to_warn_of(tmp_path):
 def test_csv_payload_columns_and_defaults(tmp_path):
     path = write(tmp_path, "m.csv", "t,a,payload.box\n0,0,0\n1,0,1\n2,0,1\n3,0,0\n")
     motion = load_trajectory(path, one_joint_scene(tool=True, box=True))
-    np.testing.assert_array_equal(motion.attached, [[1, 0], [1, 1], [1, 1], [1, 0]])
+    assert_array_equal(motion.attached, [[1, 0], [1, 1], [1, 1], [1, 0]])
 
 
 def test_all_problems_of_a_csv_in_one_error(tmp_path, monkeypatch):

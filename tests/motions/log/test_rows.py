@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from log_cases import NAMES, PLAIN, Q, T, load, noisy, refused, swung, table
+from numpy.testing import assert_allclose, assert_array_equal
 
 from pinfric.motions.log.motion import _stamps_are_better
 from pinfric.motions.log.rows import mended_effort
@@ -28,7 +29,7 @@ def test_few_torn_rows_and_stamps_are_left_out_and_said(tmp_path):
         "left out 1 row with repeated or backward time stamps, the first in line"
         in motion.warnings[1]
     )
-    np.testing.assert_allclose(motion.a[:, 0], -3.2 * np.sin(2 * motion.t), atol=1e-3)
+    assert_allclose(motion.a[:, 0], -3.2 * np.sin(2 * motion.t), atol=1e-3)
 
 
 def test_many_torn_rows_are_an_error_that_names_them(tmp_path):
@@ -52,8 +53,8 @@ def test_lost_rows_of_a_noisy_log_are_interpolated(tmp_path):
     assert "3 lost rows interpolated, the first at 0.25 s" in motion.warnings
     assert motion.t[0] < T[50]
     assert motion.t[-1] > T[210]
-    np.testing.assert_allclose(np.diff(motion.t), 0.005, atol=1e-9)
-    np.testing.assert_allclose(motion.a[:, 0], -3.2 * np.sin(2 * motion.t), atol=0.2)
+    assert_allclose(np.diff(motion.t), 0.005, atol=1e-9)
+    assert_allclose(motion.a[:, 0], -3.2 * np.sin(2 * motion.t), atol=0.2)
 
 
 @pytest.mark.parametrize("noise", [0.0, 1e-5])
@@ -69,9 +70,9 @@ def test_measurements_at_wandering_stamps_are_interpolated_on_them(noise, tmp_pa
     assert "RMS from regular time (steps of 2 ms to " in motion.warnings[0]
     assert "interpolated from them at 45" in motion.warnings[0]
     assert np.ptp(np.diff(motion.t)) < 1e-9  # what filters efforts expects
-    np.testing.assert_allclose(motion.a[:, 0], -3.2 * np.sin(2 * motion.t), atol=0.1)
+    assert_allclose(motion.a[:, 0], -3.2 * np.sin(2 * motion.t), atol=0.1)
     effort = motion.reading.effort["base_turn"]
-    np.testing.assert_allclose(effort, 5.6 * np.sin(2 * motion.t), atol=1e-3)
+    assert_allclose(effort, 5.6 * np.sin(2 * motion.t), atol=1e-3)
 
 
 @pytest.mark.parametrize("stamps_are_right", [True, False])
@@ -103,7 +104,7 @@ def test_a_plan_with_steps_of_its_own_stays_a_plan(tmp_path):
     q = swung(t)
     motion = load(tmp_path, table(("t", *NAMES), t, q, form="%.17g"))
     assert motion.warnings == ()
-    np.testing.assert_array_equal(motion.t, t)
+    assert_array_equal(motion.t, t)
 
 
 def test_a_long_gap_in_a_noisy_log_is_refused(tmp_path):
@@ -123,14 +124,14 @@ def test_a_clock_that_rounds_stamps_adds_no_acceleration(noise, tmp_path):
     motion = load(tmp_path, table(("__time", *NAMES), stamps, q, form="%.17g"))
     assert motion.reading.resampled == 0
     truth = -3.2 * np.sin(2 * motion.t)
-    np.testing.assert_allclose(motion.a[100:-100, 0], truth[100:-100], atol=0.1)
+    assert_allclose(motion.a[100:-100, 0], truth[100:-100], atol=0.1)
 
 
 def test_positions_held_from_a_slower_source(tmp_path):
     held = Q[np.arange(400) // 4 * 4]
     motion = load(tmp_path, table(("t", *NAMES), T, held))
     assert motion.warnings[0].startswith("positions change in every 4th row only: the 300 rows")
-    np.testing.assert_allclose(motion.a[:, 0], -3.2 * np.sin(2 * motion.t), atol=0.01)
+    assert_allclose(motion.a[:, 0], -3.2 * np.sin(2 * motion.t), atol=0.01)
 
 
 def test_rows_that_repeat_a_slower_source_are_left_out(tmp_path):
@@ -145,7 +146,7 @@ def test_rows_that_repeat_a_slower_source_are_left_out(tmp_path):
     assert max(motion.reading.noise.values()) < 1.5e-5
     inner = slice(60, -60)
     at = motion.t - recorder[0] * 0.5  # held for half a step of the recorder on average
-    np.testing.assert_allclose(motion.a[inner, 0], -3.2 * np.sin(2 * at[inner]), atol=0.1)
+    assert_allclose(motion.a[inner, 0], -3.2 * np.sin(2 * at[inner]), atol=0.1)
 
 
 def test_a_late_source_is_not_one_of_a_lower_rate(tmp_path):
@@ -158,7 +159,7 @@ def test_a_late_source_is_not_one_of_a_lower_rate(tmp_path):
     assert motion.warnings[0] == "left out 6 rows that repeat the row before"
     assert "6 lost rows interpolated" in motion.warnings[1]
     truth = -3.2 * np.sin(2 * motion.t)
-    np.testing.assert_allclose(motion.a[60:-60, 0], truth[60:-60], atol=0.1)
+    assert_allclose(motion.a[60:-60, 0], truth[60:-60], atol=0.1)
 
 
 def test_all_joints_that_stop_at_once_repeat_a_row_in_truth(tmp_path):

@@ -1,12 +1,11 @@
 """Where a recording rests: at the ends of one move."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest
 from builders import chain
 from log_cases import ARM, write_csv
+from numpy.testing import assert_allclose
 
 import pinfric as pf
 from pinfric.motions.log.still import find_noisy_holds, with_resting_ends
@@ -36,7 +35,7 @@ def test_one_rounded_move_starts_and_ends_at_rest(tmp_path, decimals):
     assert len(found.t) == 201
     assert (found.v[[0, -1]] == 0).all()
     assert (found.a[[0, -1]] == 0).all()
-    np.testing.assert_allclose(found.v, v, atol=0.02 * np.abs(v).max())
+    assert_allclose(found.v, v, atol=0.02 * np.abs(v).max())
 
     def peaks(*motion):
         result = pf.inverse_dynamics(scene, *motion, t=t)
@@ -44,7 +43,7 @@ def test_one_rounded_move_starts_and_ends_at_rest(tmp_path, decimals):
         return ends.max(axis=(0, 1))
 
     exact = peaks(start + s, v, a)
-    np.testing.assert_allclose(peaks(found.q, found.v, found.a), exact, rtol=0.02, atol=0.1)
+    assert_allclose(peaks(found.q, found.v, found.a), exact, rtol=0.02, atol=0.1)
 
 
 def swing(t):
@@ -91,9 +90,9 @@ def test_a_joint_that_stands_still_in_a_noisy_log_is_held(tmp_path):
     assert not motion.v[:, 1:].any()
     assert not motion.a[:, 1:].any()
     t = motion.t
-    np.testing.assert_allclose(motion.v[:, 0], 2 * np.cos(2 * t), atol=2e-3)
-    np.testing.assert_allclose(motion.a[:, 0], -4 * np.sin(2 * t), atol=0.1)  # also at the ends
-    np.testing.assert_allclose(motion.a[300:-300, 0], -4 * np.sin(2 * t)[300:-300], atol=0.02)
+    assert_allclose(motion.v[:, 0], 2 * np.cos(2 * t), atol=2e-3)
+    assert_allclose(motion.a[:, 0], -4 * np.sin(2 * t), atol=0.1)  # also at the ends
+    assert_allclose(motion.a[300:-300, 0], -4 * np.sin(2 * t)[300:-300], atol=0.02)
 
 
 def test_a_hold_shorter_than_the_ramps_beside_it_has_its_own_ends():

@@ -17,6 +17,7 @@ from log_cases import (
     swung,
     table,
 )
+from numpy.testing import assert_allclose
 
 from pinfric.errors import TrajectoryError
 from pinfric.motions.joint_columns import joint_columns
@@ -26,14 +27,14 @@ from pinfric.motions.log.reading import ReadingOptions
 
 def test_units_in_brackets_say_the_quantity(tmp_path):
     motion = load(tmp_path, DIALECTS["units of all"])
-    np.testing.assert_allclose(motion.reading.effort["base_turn"], 7.0 * Q[:, 0], atol=1e-9)
+    assert_allclose(motion.reading.effort["base_turn"], 7.0 * Q[:, 0], atol=1e-9)
     assert not any("not used" in line for line in motion.warnings)
 
 
 def test_degrees_are_recognised_by_the_limits(tmp_path):
     motion = load(tmp_path, table(("t", *NAMES), T, np.degrees(Q)))
     assert motion.warnings[0].startswith("angles are in degrees (as radians beyond the limits: ")
-    np.testing.assert_allclose(motion.q, Q, atol=1e-10)
+    assert_allclose(motion.q, Q, atol=1e-10)
 
 
 def test_mixed_angles_are_refused_with_the_choice(tmp_path):
@@ -64,7 +65,7 @@ def test_time_units_are_recognised_by_the_step(unit, factor, tmp_path):
     assert motion.warnings == (
         f"column timestamp is in {unit}: steps of {factor / 200:.6g} are 200 Hz",
     )
-    np.testing.assert_allclose(motion.t, T, atol=1e-12)
+    assert_allclose(motion.t, T, atol=1e-12)
 
 
 def test_steps_that_may_be_either_are_refused(tmp_path):
@@ -79,7 +80,7 @@ def test_steps_that_may_be_either_are_refused(tmp_path):
 def test_milliseconds_of_slow_logs_are_recognised(name, tmp_path):
     motion = load(tmp_path, table((name, *NAMES), 1e3 * T[::20], Q[::20]))
     assert motion.warnings == (f"column {name} is in ms: steps of 100 are 10 Hz",)
-    np.testing.assert_allclose(motion.t, T[::20], atol=1e-12)
+    assert_allclose(motion.t, T[::20], atol=1e-12)
 
 
 def test_whole_numbers_that_count_by_one_may_be_milliseconds(tmp_path):
@@ -87,7 +88,7 @@ def test_whole_numbers_that_count_by_one_may_be_milliseconds(tmp_path):
     q = swung(t)
     text = table(("t", *NAMES), np.arange(2000), q)
     assert "steps of 1 may be ms (1000 Hz) or s (1 Hz); give" in refused(tmp_path, text)
-    np.testing.assert_allclose(load(tmp_path, text, time_unit="ms").t, t)
+    assert_allclose(load(tmp_path, text, time_unit="ms").t, t)
 
 
 def test_a_clock_of_seconds_stays_one(tmp_path):
@@ -100,7 +101,7 @@ def test_small_angles_in_degrees_are_found_by_their_speed(tmp_path):
     model = arm(lower=-12.5, upper=12.5)
     with pytest.raises(TrajectoryError, match=r"base_turn 22\.9 rad/s, limit 4\).*--unit deg\)"):
         load(tmp_path, text, scene=model)
-    np.testing.assert_allclose(load(tmp_path, text, scene=model, unit="deg").q, 0.25 * Q)
+    assert_allclose(load(tmp_path, text, scene=model, unit="deg").q, 0.25 * Q)
     assert load(tmp_path, text, scene=model, unit="rad").q[:, 0].max() > 11.0
 
 
@@ -109,7 +110,7 @@ def test_a_header_of_degrees_over_radians_is_asked_about(tmp_path):
     said = refused(tmp_path, text)
     assert "the header says degrees, but then no joint exceeds" in said
     assert "give --unit deg or --unit rad" in said
-    np.testing.assert_allclose(load(tmp_path, text, unit="rad").q, Q, atol=1e-10)
+    assert_allclose(load(tmp_path, text, unit="rad").q, Q, atol=1e-10)
     # faster than its limits, of which degrees would be 2.5 %
     assert "as radians 14" in refused(tmp_path, text, scene=arm(speed=1.1))
     # joints without limits of speed
@@ -118,7 +119,7 @@ def test_a_header_of_degrees_over_radians_is_asked_about(tmp_path):
 
 def test_a_header_of_degrees_is_right_where_radians_would_leave_the_limits(tmp_path):
     text = table(("t", *(f"{name} [deg]" for name in NAMES)), T, 4.0 + 0.05 * np.degrees(Q))
-    np.testing.assert_allclose(load(tmp_path, text).q, np.radians(4.0) + 0.05 * Q, atol=1e-10)
+    assert_allclose(load(tmp_path, text).q, np.radians(4.0) + 0.05 * Q, atol=1e-10)
 
 
 def test_velocities_have_the_unit_of_their_own_header(tmp_path):
@@ -188,4 +189,4 @@ def test_the_last_digit_of_degrees_is_one_of_radians(tmp_path):
     path.write_text(table(("t", *NAMES), T, np.degrees(Q), form="%.3f"))
     columns = joint_columns(arm().model, "")
     read = read_log(path, columns, (), lambda *_: columns, ReadingOptions(unit="deg"), [])
-    np.testing.assert_allclose(read[1].resolution, np.radians(1e-3))
+    assert_allclose(read[1].resolution, np.radians(1e-3))

@@ -1,7 +1,5 @@
 """Figures are looked at by their parts: bands, shading, panels, thinning, and the file written."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest

@@ -1,7 +1,5 @@
 """Pictures of simulated motions."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest

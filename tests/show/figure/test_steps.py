@@ -1,7 +1,5 @@
 """Parts of figures."""
 
-from __future__ import annotations
-
 import pytest
 from identify_cases import NAMES, parameter
 

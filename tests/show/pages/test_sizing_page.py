@@ -1,7 +1,5 @@
 """The page to sign: every number of one joint worked out by hand, and what it was made of."""
 
-from __future__ import annotations
-
 import hashlib
 import re
 import shlex

@@ -1,13 +1,12 @@
 """Markers of drives, jams and small links."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np
 import pinocchio as pin
 import pytest
 from builders import dry
+from numpy.testing import assert_allclose
 from replay_cases import ROBOTS, page_data
 from trimesh import creation
 
@@ -49,10 +48,10 @@ def test_force_drive_is_drawn_with_its_tip_where_it_pushes():
             placed[command["path"]] = np.reshape(command["matrix"], (4, 4)).T
     arrow = placed["/meshcat/world/slide/drive push"]
     head = placed["/meshcat/world/slide/drive push/head"]
-    np.testing.assert_allclose(arrow[:3, 2], [1, 0, 0], atol=1e-6)
+    assert_allclose(arrow[:3, 2], [1, 0, 0], atol=1e-6)
     begin = (arrow @ head @ [0, 0, 0, 1])[:3]  # of the head, which ends at the point
     assert begin[0] < -0.15
-    np.testing.assert_allclose(begin[1:], [0.2, 0.0], atol=1e-6)
+    assert_allclose(begin[1:], [0.2, 0.0], atol=1e-6)
     assert -0.15 - begin[0] < 0.05
 
 

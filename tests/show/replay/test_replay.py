@@ -1,13 +1,12 @@
 """Replays without a browser: frames, what each site does, shapes, pages, bad input."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np
 import pinocchio as pin
 import pytest
 from builders import chain, lump
+from numpy.testing import assert_allclose
 from replay_cases import arm, result_of
 
 import pinfric as pf
@@ -80,9 +79,9 @@ def test_limits_that_hold_the_motion_back_are_marked_while_it_moves():
     limits = {"j": {"peak_torque": 4.01, "velocity": 2.0}}
     marked = make_frames(scene, result, limits=read_limits(scene, limits)).limiting
     (torque, over), (speed, faster) = marked["j"]["peak torque"], marked["j"]["joint speed"]
-    np.testing.assert_allclose(torque, [(0.0, 1.0), (2.0, 2.0 + 2 / 3)], atol=3e-3)
-    np.testing.assert_allclose(over, torque[1:], atol=1e-9)
-    np.testing.assert_allclose(speed, [(1.0, 2.0)], atol=3e-3)
+    assert_allclose(torque, [(0.0, 1.0), (2.0, 2.0 + 2 / 3)], atol=3e-3)
+    assert_allclose(over, torque[1:], atol=1e-9)
+    assert_allclose(speed, [(1.0, 2.0)], atol=3e-3)
     assert faster == ()
     assert make_frames(scene, result).limiting == {}
     page = pf.replay(scene, result, limits=limits).page

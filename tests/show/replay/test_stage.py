@@ -1,7 +1,5 @@
 """The robot and its sites in the viewer."""
 
-from __future__ import annotations
-
 import warnings
 
 import numpy as np
@@ -9,6 +7,7 @@ import pinocchio as pin
 import pytest
 from builders import example, random_tree
 from mechanisms import add_link, bar, four_bar, grounded_model, pin_friction, shifted
+from numpy.testing import assert_allclose, assert_array_equal
 from replay_cases import ROBOTS, arm, drawn
 
 import pinfric as pf
@@ -55,7 +54,7 @@ def test_loops_and_cylinders_are_drawn_where_they_act():
     loop = closed.site_names.index("B")
     place = staged.markers[loop]
     frame = closed.linkage.frame_p[0, 1]
-    np.testing.assert_allclose(place.placement.translation, frame)
+    assert_allclose(place.placement.translation, frame)
     assert closed.joint_names[place.joint - 1] in staged.site_paths[loop]
     assert staged.site_paths[loop].endswith("site B")
     lifted = boom()
@@ -63,7 +62,7 @@ def test_loops_and_cylinders_are_drawn_where_they_act():
     (cylinder,) = staged.cylinders
     assert cylinder.path == "world/cylinder lift"
     assert (cylinder.a[0], cylinder.b[0]) == (0, 1)
-    np.testing.assert_array_equal(cylinder.b[1], [0.7, 0, 0])
+    assert_array_equal(cylinder.b[1], [0.7, 0, 0])
 
 
 def test_first_faces_of_an_arc_are_its_beginning():
@@ -115,7 +114,7 @@ def test_mesh_beside_the_urdf_is_scaled_and_painted(tmp_path):
         shapes = robot_shapes(scene)
     (plate,) = [shape for shape in shapes if shape.joint == 1]
     assert plate.kind == "visual"
-    np.testing.assert_allclose(plate.mesh.vertices.max(axis=0), [2, 2, 0])
+    assert_allclose(plate.mesh.vertices.max(axis=0), [2, 2, 0])
     assert tuple(plate.mesh.visual.vertex_colors[0]) == (255, 0, 0, 128)
 
 
@@ -140,12 +139,12 @@ def test_a_mesh_with_too_many_triangles_keeps_its_shape_and_its_edges():
     few = fewer_triangles([can, cube], 0.3)
     assert sum(len(mesh.faces) for mesh in few) <= 80_000 < len(can.faces)
     for mesh, given in zip(few, (can, cube), strict=True):
-        np.testing.assert_allclose(mesh.bounds, given.bounds, atol=2e-3)
+        assert_allclose(mesh.bounds, given.bounds, atol=2e-3)
         assert mesh.area == pytest.approx(given.area, rel=1e-2)
         assert mesh.volume == pytest.approx(given.volume, rel=1e-2)
     side = np.abs(few[0].vertex_normals[:, 2]) < 0.5
     outward = few[0].vertices[side, :2] / 0.1
-    np.testing.assert_allclose(few[0].vertex_normals[side, :2], outward, atol=0.05)
+    assert_allclose(few[0].vertex_normals[side, :2], outward, atol=0.05)
     assert (np.abs(few[0].vertex_normals[~side, 2]) > 0.99).all()  # the edge stays sharp
     (same,) = fewer_triangles([cube], 0.1)
     assert same is cube
@@ -160,6 +159,6 @@ def test_urdfs_primitives_are_drawn_as_they_are():
     assert (len(visuals), missing) == (6, {})
     bar = visuals[1]  # link_1's box, 0.07 x 0.4 x 0.07 at (0, 0.2, 0), red
     assert bar.joint == 1
-    np.testing.assert_allclose(np.ptp(bar.mesh.vertices, axis=0), [0.07, 0.4, 0.07])
-    np.testing.assert_array_equal(bar.placement.translation, [0, 0.2, 0])
+    assert_allclose(np.ptp(bar.mesh.vertices, axis=0), [0.07, 0.4, 0.07])
+    assert_array_equal(bar.placement.translation, [0, 0.2, 0])
     assert tuple(bar.mesh.visual.vertex_colors[0]) == (204, 76, 64, 255)

@@ -1,7 +1,5 @@
 """`pinfric accuracy` as a shell sees it: JSON, files, tables, pictures, and bad input."""
 
-from __future__ import annotations
-
 import json
 
 import pandas as pd

@@ -1,7 +1,5 @@
 """`pinfric check` as a shell sees it."""
 
-from __future__ import annotations
-
 import pytest
 from check_cases import TIP, J, arm
 from cli_cases import refused, run, told

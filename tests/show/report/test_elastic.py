@@ -1,7 +1,5 @@
 """What is printed and drawn of elastic gears, and that nothing is of rigid ones."""
 
-from __future__ import annotations
-
 import json
 from importlib import import_module
 from pathlib import Path

@@ -1,7 +1,5 @@
 """`pinfric export` as a shell sees it."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from cli_cases import refused, results_in, run, told

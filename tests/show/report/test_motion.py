@@ -1,7 +1,5 @@
 """`pinfric simulate`: its table, its JSON, its files."""
 
-from __future__ import annotations
-
 import pytest
 from cli_cases import refused, results_in, told
 from envelopes import result_of

@@ -1,7 +1,5 @@
 """`pinfric retime` as a shell sees it."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

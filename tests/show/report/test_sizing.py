@@ -1,7 +1,5 @@
 """The sizing report: JSON, tables, and the page, drawn by a browser where there is one."""
 
-from __future__ import annotations
-
 import json
 import re
 import shutil

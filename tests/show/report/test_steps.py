@@ -1,7 +1,5 @@
 """Names, rows and figures in tables."""
 
-from __future__ import annotations
-
 import json
 import re
 

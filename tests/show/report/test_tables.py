@@ -1,7 +1,5 @@
 """Tables fit the width they are printed at, cut no number, and cut names so that each is one."""
 
-from __future__ import annotations
-
 import io
 import itertools
 import os

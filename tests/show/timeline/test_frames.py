@@ -1,7 +1,5 @@
 """Frames of a motion: placements, friction, what holds, what is about to break away."""
 
-from __future__ import annotations
-
 import dataclasses
 from functools import cache
 
@@ -9,6 +7,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from builders import example, plane_friction, random_tree, sliding_block
+from numpy.testing import assert_allclose, assert_array_equal
 from replay_cases import ROBOTS, page_data, result_of
 
 import pinfric as pf
@@ -92,9 +91,9 @@ def test_frames_hold_pinocchios_placements_and_the_results_friction(three_link):
         pin.forwardKinematics(scene.model, data, result.states.q[i])
         for j in range(1, scene.model.njoints):
             expected = pin.SE3ToXYZQUAT(data.oMi[j])
-            np.testing.assert_allclose(frames.placement[f, j - 1], expected, atol=1e-12)
-        np.testing.assert_array_equal(frames.friction_upper[f], result.friction_upper[i])
-        np.testing.assert_array_equal(frames.force[f], result.wrench[i, :, :3])
+            assert_allclose(frames.placement[f, j - 1], expected, atol=1e-12)
+        assert_array_equal(frames.friction_upper[f], result.friction_upper[i])
+        assert_array_equal(frames.force[f], result.wrench[i, :, :3])
 
 
 def test_frames_between_coarse_samples_meet_positions_and_velocities():
@@ -126,7 +125,7 @@ def test_frames_between_coarse_samples_meet_positions_and_velocities():
 def test_frame_times_are_samples_where_these_are_dense_and_fewer():
     t = np.linspace(0.0, 10.0, 10_001)
     times, index = frame_times(t, np.array([17, 4321]), rate=30.0)
-    np.testing.assert_array_equal(times, t[index])
+    assert_array_equal(times, t[index])
     assert {17, 4321, 0, 10_000} <= set(index.tolist())
     assert 301 <= len(times) <= 303
 
@@ -240,9 +239,9 @@ def test_rates_of_loops_joints_are_those_of_the_bodies_they_join(name):
                 expected = relative_spin(scene, scene.loops[site.pair], q, v)
                 if not site.ball:
                     expected = site.axis * (expected @ site.axis)
-            np.testing.assert_allclose(rates[sample, s], expected, atol=1e-9)
+            assert_allclose(rates[sample, s], expected, atol=1e-9)
     speeds = np.linalg.norm(rates, axis=2)
-    np.testing.assert_array_equal(speeds <= 1e-6, result.sticking)
+    assert_array_equal(speeds <= 1e-6, result.sticking)
 
 
 def test_friction_of_a_ball_acts_about_the_direction_of_its_slip(delta):
@@ -260,10 +259,10 @@ def test_friction_of_a_ball_acts_about_the_direction_of_its_slip(delta):
                 moved = spin / np.linalg.norm(spin)
                 assert frames.friction_upper[f, s] <= 0  # against the slip
             if moved is not None:  # at rest: as it slipped last
-                np.testing.assert_allclose(frames.slip[f, s], moved, atol=1e-6)
+                assert_allclose(frames.slip[f, s], moved, atol=1e-6)
         turning = [s for s, site in enumerate(scene.sites) if not site.ball]
         expected = np.tile(scene.site_tables.axis[turning], (len(frames.t), 1, 1))
-        np.testing.assert_array_equal(frames.slip[:, turning], expected)
+        assert_array_equal(frames.slip[:, turning], expected)
 
 
 def simulated(scene, result, part):
@@ -300,7 +299,7 @@ def test_simulated_motion_of_loops_and_cylinders_is_replayed_with_its_forces(nam
     carried = result.states.attached
     if carried is None or not carried.any():
         moves = ~result.sticking[sample].any(axis=1)
-        np.testing.assert_allclose(
+        assert_allclose(
             frames.force[moves], result.wrench[sample][moves, :, :3], rtol=1e-6, atol=1e-6
         )
     assert np.isfinite(frames.force).all()
@@ -333,7 +332,7 @@ def test_own_simulation_of_loops_and_cylinders_is_replayed(name):
     assert (frames.use[sticks] <= 1.0 + 1e-9).all()
     for s, site in enumerate(frames.sites):
         inside = [any(a <= t < b for a, b in site.sticking) for t in frames.t]
-        np.testing.assert_array_equal(sticks[:-1, s], inside[:-1])
+        assert_array_equal(sticks[:-1, s], inside[:-1])
 
 
 # The motion of a replay: a saved one of this scene only.
