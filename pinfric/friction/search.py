@@ -172,9 +172,12 @@ _GRAVITY = (
 )
 #: Passes of the search: a constant, and a number per coordinate.
 _CHANGES, _FOR_EACH = 60, 20
-#: A ball's direction that turns by no more than this stays. Where it turns by less than `_NEARLY`,
-#: modes are given up if their rates are wrong by so many times as much.
-_TURNED, _NEARLY, _FARTHER = 1e-8, 0.03, 30.0
+#: A ball's direction that turns by no more than this stays.
+_TURNED = 1e-8
+#: How often several balls take turns, and then steps of Newton's method over all.
+_SWEEPS, _NEWTON = 10, 20
+#: Passes after which a ball that would stick does.
+_TRANSIENT = 10
 
 
 class Answer(NamedTuple):
@@ -581,24 +584,20 @@ def _settle(query: _Query) -> tuple[int, int]:
     if not query.mechanism.closed:
         return query.answer()
     modes.friction[:1] = np.nan  # what is shared is no guess for other modes
-    for _ in range(_CHANGES):
+    for n in range(_CHANGES):
         solutions, obeying = query.answer()
         if solutions <= 0:
             break
-        turned = _turn_balls(query.problem, modes, query.mechanism)
-        if turned <= _TURNED:
+        turned = _turn_balls(modes, query.mechanism, slips=True)
+        sticks = (modes.verdict[query.mechanism.ball] == SHOULD_STICK).any()
+        if turned <= _TURNED or (sticks and n > _TRANSIENT):
             break
-        if turned < _NEARLY and _moves_against(query.problem, modes, _FARTHER * turned):
-            return solutions, 0
+    else:
+        solutions, sticks = -1, True
+    if solutions <= 0 or sticks:
+        query.found = []
+        return solutions, 0
     return solutions, max(obeying, int(solutions > 0 and not modes.verdict.any()))
-
-
-def _moves_against(problem: Problem, modes: Modes, part: float) -> bool:
-    """Whether a joint moves against its direction by more than a share of its rate's terms."""
-    slips = modes.at_rest & ~modes.stuck
-    against = -(modes.direction * modes.rate)[slips]
-    terms = problem.rate_scale[slips] + np.abs(problem.rate_slope[slips]) @ np.abs(modes.friction)
-    return bool((against > part * terms).any())
 
 
 def _same(one: Modes, other: Modes) -> bool:
@@ -688,7 +687,7 @@ def _follow(query: _Query, fixed: set[int]) -> Found:
         solutions, obeying = query.answer()
         if solutions <= 0:
             return outcome(solutions, 0)
-        if _turn_balls(problem, modes, mechanism) > _TURNED:
+        if _turn_balls(modes, mechanism) > _TURNED:
             continue
         if obeying or not modes.verdict.any():
             return query.end(solutions, max(obeying, 1))
@@ -710,32 +709,78 @@ def _follow(query: _Query, fixed: set[int]) -> Found:
     return Found.NONE
 
 
-def _turn_balls(problem: Problem, modes: Modes, mechanism: Mechanism) -> float:
+def _turn_balls(modes: Modes, mechanism: Mechanism, slips: bool = False) -> float:
     """Point the friction of balls that slip from rest against their motion; return the most turned.
 
-    With |x| = L given, x = -L r / |r| and r = r_0 + R x:  x = -(R + g 1)^-1 r_0 with g = |r| / L,
-    of which |x| falls with g: one root. At g = 0 the ball would be held.
+    With |x| = L given, x = -L r / |r| and r = r_0 + R x, where what sticks goes on to stick:
+    x = -(R + g 1)^-1 r_0 with g = |r| / L, of which |x| falls with g: one root. At g = 0 the ball
+    would be held; `slips`: it turns, too. Balls take turns until none changes: each lessens
+    x R x / 2 + r_0 x, a convex function, within its limit.
     """
     turned = 0.0
-    if not mechanism.closed:
-        return turned
     slipping = modes.at_rest & ~modes.stuck & mechanism.ball
+    if not mechanism.closed or not slipping.any():
+        return turned
+    held = mechanism.factor[:, modes.stuck]
+    left = mechanism.factor - held @ (np.linalg.pinv(held, rcond=RANK) @ mechanism.factor)
+    balls = list[tuple[np.ndarray, np.ndarray, np.ndarray, float]]()
     for number in mechanism.joints(slipping):
         here = np.flatnonzero(mechanism.block == number)
-        x = modes.friction[here]
-        limit = float(np.linalg.norm(x))
-        R = problem.rate_slope[np.ix_(here, here)]
-        size, axes = np.linalg.eigh(R)
-        pull = axes.T @ (modes.rate[here] - R @ x)
-        modes.verdict[here] = 0
-        new = -axes @ (pull / (size + _secular_root(pull, size, limit)))
-        if not np.linalg.norm(new) >= limit * (1.0 - 1e-9):
-            modes.verdict[here] = SHOULD_STICK
+        size, axes = np.linalg.eigh(left[:, here].T @ left[:, here])
+        size[size < RANK**2 * size[-1]] = 0.0
+        balls.append((here, size, axes, float(np.linalg.norm(modes.friction[here]))))
+    x, motion = modes.friction.copy(), np.zeros(len(left))
+    for _ in range(_SWEEPS if len(balls) > 1 else 1):
+        before = x.copy()
+        for here, size, axes, limit in balls:
+            rate = modes.rate[here] + left[:, here].T @ motion
+            pull = np.where(size > 0.0, axes.T @ rate - size * (axes.T @ x[here]), 0.0)
+            new = -axes @ (pull / (size + _secular_root(pull, size, limit)))
+            motion += left[:, here] @ (new - x[here])
+            x[here] = new
+        if np.abs(x - before).max() <= _TURNED * np.abs(x).max():
+            break
+    if len(balls) > 1:
+        _polish(left, modes, [(here, limit) for here, _, _, limit in balls], motion, x)
+    for here, _, _, limit in balls:
+        new, length = x[here], float(np.linalg.norm(x[here]))
+        sticks = not length >= limit * (1.0 - 1e-9)
+        modes.verdict[here] = SHOULD_STICK if sticks else 0
+        if sticks and not (slips and length):
             continue
-        towards = -new / np.linalg.norm(new)
-        turned = max(turned, float(np.abs(towards - modes.direction[here]).max()))
-        modes.direction[here] = towards
+        turned = max(turned, float(np.abs(new / length + modes.direction[here]).max()))
+        modes.direction[here] = -new / length
     return turned
+
+
+def _polish(
+    left: np.ndarray,
+    modes: Modes,
+    balls: list[tuple[np.ndarray, float]],
+    motion: np.ndarray,
+    x: np.ndarray,
+) -> None:
+    """Improve the friction x of balls that all slip by Newton's method over their motion (d,)."""
+    if any(np.linalg.norm(x[here]) < limit * (1.0 - 1e-9) for here, limit in balls):
+        return
+    y = x.copy()
+    for _ in range(_NEWTON):
+        slope = np.eye(len(left))
+        for here, limit in balls:
+            A = left[:, here]
+            rate = modes.rate[here] + A.T @ motion
+            speed = float(np.linalg.norm(rate))
+            if speed == 0.0:
+                return
+            way = rate / speed
+            y[here] = -limit * way
+            slope += (limit / speed) * A @ (np.eye(3) - np.outer(way, way)) @ A.T
+        off = motion - left @ (y - modes.friction)
+        step = np.linalg.solve(slope, off)
+        motion = motion - step
+        if np.abs(step).max() <= 1e-2 * _TURNED * np.abs(motion).max():
+            x[:] = y
+            return
 
 
 def _secular_root(pull: np.ndarray, size: np.ndarray, limit: float) -> float:

@@ -30,6 +30,7 @@ class PinChain:
         mass: (nb,) kg. center: (nb, 2) centres of mass (m).
         drives: bars whose pin is driven.
         mu, radius: of every pin. dry: (np,) its friction without load (N m).
+        above: static friction per kinetic.
     """
 
     parent: np.ndarray
@@ -42,6 +43,7 @@ class PinChain:
     mu: float
     radius: np.ndarray
     dry: np.ndarray
+    above: float = 1.0
 
     @property
     def gravity(self) -> np.ndarray:
@@ -85,8 +87,9 @@ class PinChain:
         return pf.Scene(model=model, friction=friction, loops=loops, actuators=actuators)
 
     def _friction(self, k: int) -> dict:
-        dry = {"static": self.dry[k], "kinetic": self.dry[k]}
-        return {**pin_friction(self.mu, self.radius[k]), "coulomb": dry}
+        dry = {"static": self.above * self.dry[k], "kinetic": self.dry[k]}
+        static = self.above * self.mu
+        return {**pin_friction(self.mu, self.radius[k], static), "coulomb": dry}
 
     def balance(self) -> tuple[np.ndarray, np.ndarray]:
         """Return forces (np, 2, 1 + np) and torques (na, 1 + np) as maps of (1, phi)."""

@@ -135,12 +135,16 @@ class Moving:
         return np.array(found)
 
 
-def random_planar_tree(seed: int, pins: int) -> PinChain:
-    """Return bars that hang from the ground or from each other, each by one pin, depth first."""
+def random_planar_tree(seed: int, pins: int, connected: bool = False) -> PinChain:
+    """Return bars that hang from the ground or from each other, each by one pin, depth first.
+
+    `connected`: only the first hangs from the ground.
+    """
     rng = np.random.default_rng(seed)
     parent, path = np.full(pins, -1), [-1]
     for b in range(pins):
-        del path[1 + rng.integers(len(path)) :]  # the last bar or one that carries it
+        least = int(connected and b > 0)
+        del path[1 + rng.integers(least, len(path)) :]  # the last bar or one that carries it
         parent[b] = path[-1]
         path.append(b)
     place = np.zeros((pins, 2))
