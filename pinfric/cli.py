@@ -21,7 +21,7 @@ from typing import Annotated, Any
 
 import typer
 
-from pinfric import __version__
+from pinfric import __version__, kernels
 from pinfric.errors import PinfricError, PinfricWarning, plain, removed
 from pinfric.model.inputs import command as running_command
 from pinfric.model.inputs import note_input, running
@@ -126,6 +126,7 @@ def _options(
     ] = False,
 ) -> None:
     telling.update(quiet=quiet, verbose=verbose)
+    kernels.QUIET = quiet
     if (command := running()) is not None:
         command.overwrite = overwrite
     if version:

@@ -7,3 +7,6 @@ compiling; `arrays` makes the buffers that they write.
 
 Gives: the same function, fast.
 """
+
+#: Whether nothing is said while they compile.
+QUIET = False

@@ -7,6 +7,7 @@ the length of its byte code.
 
 from __future__ import annotations
 
+import shutil
 import sys
 import threading
 import time
@@ -16,19 +17,27 @@ from typing import Any
 from numba.core import event
 from numba.core.dispatcher import Dispatcher
 
-#: Seconds between two lines.
-PERIOD = 10.0
+from pinfric import kernels
+
+#: Seconds between two lines at most; on a terminal one line is drawn again after each `_TICK`.
+PERIOD, _TICK = 10.0, 1.0
+#: To the line's begin, and clear it.
+_CLEAR = "\r\x1b[K"
 #: With fewer kernels to go no time is said: one that is half compiled would be most of it.
 _FEW = 5
 
 
 class CompileProgress(event.Listener):
-    """Prints lines on stderr while numba compiles, from a thread: a kernel may take long."""
+    """Prints lines on stderr while numba compiles, from a thread: a kernel may take long.
+
+    Where a bar or a spinner is drawn, it has put something in place of stderr, and lines go above.
+    """
 
     def __init__(self) -> None:
         self._left: dict[Callable[..., Any], int] = {}  # to be compiled -> length of its code
         self._count, self._done, self._seconds = 0, 0, 0.0
         self._depth, self._began, self._watching = 0, 0.0, False
+        self._drawn, self._drawing = False, threading.Lock()
         event.register("numba:compile", self)
 
     def begin(self, function: Callable[..., Any], kept: str) -> None:
@@ -58,6 +67,10 @@ class CompileProgress(event.Listener):
         if self._depth == 0:
             self._seconds += time.monotonic() - self._began
             self._left.clear()
+            with self._drawing:
+                if self._drawn:
+                    print(end=_CLEAR, file=sys.stderr, flush=True)
+                self._drawn = False
 
     def line(self) -> str:
         """Return how far it is."""
@@ -69,14 +82,24 @@ class CompileProgress(event.Listener):
         return f"{said}, about {seconds * sum(left.values()) / self._done:.0f} s"
 
     def _watch(self) -> None:
+        said = time.monotonic()
         while True:
-            time.sleep(PERIOD)
-            if self._depth > 0:
-                _say(self.line())
+            time.sleep(_TICK)
+            stream, width = sys.stderr, shutil.get_terminal_size().columns - 1
+            with self._drawing:
+                if self._depth == 0 or kernels.QUIET:
+                    continue
+                if stream.isatty() and stream is sys.__stderr__:
+                    print(_CLEAR, self.line()[:width], sep="", end="", file=stream, flush=True)
+                    self._drawn = True
+                elif time.monotonic() - said > PERIOD - _TICK:
+                    _say(self.line())
+                    said = time.monotonic()
 
 
 def _say(text: str) -> None:
-    print(f"pinfric: {text}", file=sys.stderr, flush=True)
+    if not kernels.QUIET:
+        print(f"pinfric: {text}", file=sys.stderr, flush=True)
 
 
 def _reached(function: Callable[..., Any]) -> set[Callable[..., Any]]:

@@ -7,6 +7,7 @@ import shutil
 import subprocess
 import sys
 import warnings
+from contextlib import suppress
 from pathlib import Path
 from types import ModuleType
 
@@ -202,6 +203,38 @@ def test_what_compiles_is_said_on_a_pipe(tmp_path):
     )
     assert second.stderr == ""
     assert first.stdout == second.stdout == "42.0\n"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("quiet", [False, True])
+def test_what_compiles_is_drawn_on_a_terminal_and_goes(quiet, tmp_path):
+    code = f"from pinfric import kernels\nfrom pinfric.kernels import progress\n{KERNEL}"
+    before = f"progress._TICK, kernels.QUIET = 0.02, {quiet}\n\n@kernel"
+    (tmp_path / "kernel_of_a_test.py").write_text(code.replace("@kernel", before))
+    terminal, end = os.openpty()
+    process = subprocess.Popen(
+        [sys.executable, "kernel_of_a_test.py"],
+        cwd=tmp_path,
+        stdout=subprocess.DEVNULL,
+        stderr=end,
+        env={**os.environ, "PYTHONPATH": str(ROOT), "NUMBA_CACHE_DIR": "cache"},
+    )
+    os.close(end)
+    said = b""
+    with suppress(OSError):  # the process has ended
+        while part := os.read(terminal, 4096):
+            said += part
+    assert process.wait() == 0
+    first, *drawn = said.decode().split("\r\x1b[K")
+    if quiet:
+        assert (first, drawn) == ("", [])
+        return
+    line = "pinfric: compiling kernels for this machine; they are kept for later runs"
+    assert first.strip() == line
+    assert drawn.pop() == ""
+    assert drawn
+    form = r"compiling kernels: [01] done in \d+ s, [01] to go in this step"
+    assert [line for line in drawn if not re.fullmatch(form, line)] == []
 
 
 @pytest.mark.slow
