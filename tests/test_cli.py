@@ -12,6 +12,7 @@ import pytest
 from cli_cases import SCENE, refused, results_in, run, told
 from envelopes import result_of, validated
 from printed import assert_printed
+from tables import table
 
 from pinfric import cli
 
@@ -226,28 +227,24 @@ def test_sweep_prints_tables_and_writes_samples_figure_and_summary(files, capsys
     assert peak == pytest.approx(np.percentile(frame["shoulder.peak"], 95))
 
 
-@pytest.mark.parametrize(
-    ("change", "arguments", "words"),
-    [
-        (("speed:", "sped:"), [], "s.yaml: `parameters.sped`: unknown parameter"),
-        (("samples:", "sample:"), [], "'samples'?"),
-        (("low: 0.9", "low: -0.9"), [], "a speed factor must be above 0"),
-        (("sigma: 0.3", "sigma: -0.3"), [], "lognormal.sigma"),
-        (
-            ("", ""),
-            ["--cluster", "tcp://127.0.0.1:1"],
-            "no Dask scheduler answers at tcp://127.0.0.1:1",
-        ),
-        (("", ""), ["--cluster", "tcp://h:1", "--processes", "2"], "has its own processes"),
-        (("", ""), ["--processes", "0"], "--processes"),
-    ],
-)
+SWEPT = """
+speed:      sped:        -q  s.yaml: `parameters.sped`: unknown parameter
+samples:    sample:      -q  'samples'?
+low: 0.9    low: -0.9    -q  a speed factor must be above 0
+sigma: 0.3  sigma: -0.3  -q  lognormal.sigma
+speed:      speed:  --cluster tcp://127.0.0.1:1          no Dask scheduler answers at tcp://127.0.0.1:1
+speed:      speed:  --cluster tcp://h:1 --processes 2    has its own processes
+speed:      speed:  --processes 0                        --processes
+"""
+
+
+@pytest.mark.parametrize(("old", "new", "arguments", "words"), table(SWEPT))
 def test_sweep_that_cannot_be_is_one_line_and_exit_code_2(
-    files, capsys, monkeypatch, change, arguments, words
+    files, capsys, monkeypatch, old, new, arguments, words
 ):
     monkeypatch.setattr("pinfric.sweeps.workers._CONNECT_TIMEOUT", 0.5)
-    (files / "s.yaml").write_text(SWEEP.replace(*change, 1))
-    assert run("sweep", "arm.yaml", "way.yaml", "s.yaml", *arguments) == cli.BAD_INPUT == 2
+    (files / "s.yaml").write_text(SWEEP.replace(old, new, 1))
+    assert run("sweep", "arm.yaml", "way.yaml", "s.yaml", *arguments.split()) == cli.BAD_INPUT == 2
     printed = capsys.readouterr()
     assert printed.out == ""
     assert printed.err.startswith("pinfric: error: ")

@@ -6,8 +6,10 @@ import xml.etree.ElementTree as ElementTree
 
 import numpy as np
 import pytest
+import yaml
 from check_cases import GEAR, GOOD_SCENE, SCENE, TIP, J, arm, errors
 from cli_cases import told
+from tables import table
 
 import pinfric as pf
 from pinfric.checking.findings import Severity
@@ -126,32 +128,26 @@ def test_plain_arm_has_one_note_of_what_never_moves(tmp_path):
     report.check(strict=True)
 
 
+FINDINGS = r"""
+name: ''                            NOTE     robot        has no name
+axis: ''                            WARNING  joint swing  no <axis>: read as 1 0 0
+{low: 0, high: 0}                   WARNING  joint swing  limits 0 to 0
+{low: -180, high: 180}              ERROR    joint swing  limits -180 to 180 rad.*in degrees: -3\.14 to 3\.14 rad
+tip: ''                             WARNING  joint turn   moves no mass
+dynamics: <dynamics friction="50"/>  WARNING  joint swing  friction 50 N m: its effort limit is 40 N m
+dynamics: <dynamics damping="0.7"/>  NOTE    robot        swing \(.*damping 0\.7\)
+gear: {joint: swing, ratio: 120}    NOTE     robot        gives swing 120
+gear: {joint: elbow, ratio: 120}    WARNING  joint elbow  no such
+gear: {joint: swing, ratio: 0}      WARNING  joint swing  connects no
+"""  # noqa: E501
+
+
 @pytest.mark.parametrize(
-    ("changes", "severity", "place", "says"),
-    [
-        ({"name": ""}, "NOTE", "robot", "has no name"),
-        ({"axis": ""}, "WARNING", "joint swing", "no <axis>: read as 1 0 0"),
-        ({"low": 0, "high": 0}, "WARNING", "joint swing", "limits 0 to 0"),
-        (
-            {"low": -180, "high": 180},
-            "ERROR",
-            "joint swing",
-            r"limits -180 to 180 rad.*in degrees: -3\.14 to 3\.14 rad",
-        ),
-        ({"tip": ""}, "WARNING", "joint turn", "moves no mass"),
-        (
-            {"dynamics": '<dynamics friction="50"/>'},
-            "WARNING",
-            "joint swing",
-            r"friction 50 N m: its effort limit is 40 N m",
-        ),
-        ({"dynamics": '<dynamics damping="0.7"/>'}, "NOTE", "robot", r"swing \(.*damping 0\.7\)"),
-        ({"more": GEAR.format(joint="swing", ratio=120)}, "NOTE", "robot", "gives swing 120"),
-        ({"more": GEAR.format(joint="elbow", ratio=120)}, "WARNING", "joint elbow", "no such"),
-        ({"more": GEAR.format(joint="swing", ratio=0)}, "WARNING", "joint swing", "connects no"),
-    ],
+    ("changes", "severity", "place", "says"), table(FINDINGS, yaml.safe_load, str, str, str)
 )
 def test_single_findings(tmp_path, changes, severity, place, says):
+    if gear := changes.pop("gear", None):
+        changes["more"] = GEAR.format(**gear)
     report = pf.check(arm(tmp_path, **changes))
     found = [f for f in report.findings if f.severity.name == severity and f.place == place]
     assert any(re.search(says, f.text) for f in found), report.findings

@@ -5,7 +5,9 @@ import xml.etree.ElementTree as ElementTree
 
 import numpy as np
 import pytest
+import yaml
 from robot_cases import INERTIA, urdf
+from tables import table
 
 import pinfric as pf
 from pinfric.checking.findings import Severity
@@ -158,26 +160,18 @@ def test_hulls_of_shapes_have_their_volume(tmp_path):
 
 
 #: m g L = 20 kg x 9.81 x 1.0 m = 196.2 N m; j0 bears 117.72 N m, j1 44.145, j2 9.81 of its weight.
-@pytest.mark.parametrize(
-    ("limits", "speeds", "says"),
-    [
-        ((150, 60, 20), (3, 3, 6), {}),
-        ((150, 60, 60), (3, 3, 6), {}),
-        ((588, 588, 588), (3, 3, 3), {}),
-        (
-            (589, 588, 588),
-            (3, 3, 3),
-            {"j0": "placeholder: the whole robot held out level needs 196"},
-        ),
-        ((150, 60, 20), (3, 3, 110), {"j2": "20 N m and 110 rad/s, are 110 W for each kg"}),
-        ((100, 60, 20), (3, 3, 6), {"j0": "its weight alone needs 117.7 N m"}),
-        (
-            (1530, 612, 204),
-            (3, 3, 6),
-            dict.fromkeys(("j0", "j1"), "if they are in kgf cm: 150, 60, 20 N m"),
-        ),
-    ],
-)
+LIMITED = """
+[150, 60, 20]     [3, 3, 6]    {}
+[150, 60, 60]     [3, 3, 6]    {}
+[588, 588, 588]   [3, 3, 3]    {}
+[589, 588, 588]   [3, 3, 3]    {j0: 'placeholder: the whole robot held out level needs 196'}
+[150, 60, 20]     [3, 3, 110]  {j2: '20 N m and 110 rad/s, are 110 W for each kg'}
+[100, 60, 20]     [3, 3, 6]    {j0: its weight alone needs 117.7 N m}
+[1530, 612, 204]  [3, 3, 6]    {j0: 'kgf cm: 150, 60, 20 N m', j1: 'kgf cm: 150, 60, 20 N m'}
+"""
+
+
+@pytest.mark.parametrize(("limits", "speeds", "says"), table(LIMITED, *[yaml.safe_load] * 3))
 def test_limits_against_the_whole_robot_and_the_own_weight(tmp_path, limits, speeds, says):
     report = pf.check(urdf(tmp_path, *arm((10, 6, 4), limits, speeds)))
     found = {f.place: f.text for f in report.findings if "limit" in f.kind}

@@ -221,28 +221,21 @@ def test_they_are_effects_by_their_keys(tmp_path):
     assert with_effects(scene, only=["viscous"]).site_names == ()
 
 
-@pytest.mark.parametrize(
-    ("friction", "says"),
-    [
-        (
-            COLLAR.replace("weight", "wieght"),
-            "unknown key `friction.turn.bearing.wieght`",
-        ),
-        (COLLAR.replace("weight", "radius"), r"bearing\.radius`; there are: kind, weight"),
-        (COLLAR.replace(", weight: 2.0", ""), r"`friction\.turn\.bearing\.weight` is missing"),
-        (COLLAR.replace("2.0", "-2"), r"bearing\.weight`: .*at least 0"),
-        (POWER_DRAG.replace("0.4", "-1"), r"turn\.power_drag\.coefficient`: .*at least 0"),
-        (
-            POWER_DRAG.replace("exponent", "exponant"),
-            r"unknown key `friction\.turn\.power_drag\.exponant`",
-        ),
-        (
-            POWER_DRAG.replace("power_drag", "power_darg"),
-            r"unknown key `friction\.turn\.power_darg`",
-        ),
-    ],
-)
-def test_their_mistakes_are_named_like_those_of_the_others(tmp_path, friction, says):
+MISTAKES = r"""
+collar      weight         wieght      unknown key `friction.turn.bearing.wieght`
+collar      weight         radius      bearing\.radius`; there are: kind, weight
+collar      , weight: 2.0  NONE        `friction\.turn\.bearing\.weight` is missing
+collar      2.0            -2          bearing\.weight`: .*at least 0
+power_drag  0.4            -1          turn\.power_drag\.coefficient`: .*at least 0
+power_drag  exponent       exponant    unknown key `friction\.turn\.power_drag\.exponant`
+power_drag  power_drag     power_darg  unknown key `friction\.turn\.power_darg`
+"""
+
+
+@pytest.mark.parametrize(("which", "old", "new", "says"), table(MISTAKES))
+def test_their_mistakes_are_named_like_those_of_the_others(tmp_path, which, old, new, says):
+    text = {"collar": COLLAR, "power_drag": POWER_DRAG}[which]
+    friction = text.replace(old, new.replace("NONE", ""))
     with pytest.raises(SceneError, match=says) as caught:
         turntable(tmp_path, friction)
     assert "\n" not in str(caught.value)

@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 from cli_cases import refused, results_in, run
 from fuzz import ARM_CSV, ARM_SCENE, ARM_URDF, ARM_WAY, CATALOG, STL, SWEEP, yaml_text
+from tables import table
 
 import pinfric as pf
 from pinfric import cli
@@ -35,35 +36,32 @@ FILES = {
 }
 SCENE = {"arm.yaml", "arm.urdf", "part.stl", "efforts.csv"}
 #: The command before its folder or file, what it reads beside the scene, what it may write there.
-FOLDERS = [
-    ("inverse arm.yaml way.yaml", {"way.yaml"}, "efforts.csv efforts.png measured.png tool.png"),
-    ("inverse arm.yaml log.csv --columns columns.yaml", {"log.csv"}, "efforts.csv summary.json"),
-    ("simulate arm.yaml", set(), "motion.csv motion.npz motion.png summary.json"),
-    ("size arm.yaml way.yaml", {"way.yaml"}, "sizing.json report.html sized.urdf motors.yaml"),
-    ("size arm.yaml way.yaml --catalog catalog.yaml", {"way.yaml", "catalog.yaml"}, "bom.csv"),
-    ("size arm.yaml --cycle way.yaml:1 --cycle log.csv:2", {"way.yaml", "log.csv"}, "bom.csv"),
-    ("stop arm.yaml way.yaml", {"way.yaml"}, "report.html stop.png summary.json"),
-    ("retime arm.yaml way.yaml", {"way.yaml"}, "trajectory.csv retime.png summary.json"),
-    ("retime arm.yaml log.csv --motors motors.yaml", {"log.csv", "motors.yaml"}, "trajectory.csv"),
-    ("sweep arm.yaml way.yaml sweep.yaml", {"way.yaml", "sweep.yaml"}, "sweep.png summary.json"),
-    (
-        "identify arm.yaml log.csv --columns columns.yaml",
-        {"log.csv", "columns.yaml"},
-        "scene.yaml robot.urdf posterior.csv sweep.yaml report.html advice.waypoints.yaml",
-    ),
-    ("identify arm.yaml log.csv --held-out way.yaml", {"log.csv", "way.yaml"}, "summary.json"),
-    ("accuracy arm.yaml", set(), "accuracy.png accuracy.csv summary.json"),
-    ("export arm.yaml --to cpp", set(), "pinfric_arm.hpp pinfric_arm_test.cpp"),
-    ("export arm.yaml --to mjcf", set(), "arm.mjcf.xml"),
-]
-SINGLE = [
-    ("export arm.yaml --to mjcf --out", set()),
-    ("export arm.yaml --to urdf --trajectory log.csv --out", {"log.csv"}),
-    ("replay arm.yaml --html", set()),
-    ("replay arm.yaml way.yaml --motors motors.yaml --html", {"way.yaml", "motors.yaml"}),
-    ("replay arm.yaml motion.npz --html", {"motion.npz"}),
-    ("catalog table.csv --out", {"table.csv", "table.columns.yaml"}),
-]
+FOLDERS = """
+inverse arm.yaml way.yaml  way.yaml  efforts.csv efforts.png measured.png tool.png
+inverse arm.yaml log.csv --columns columns.yaml  log.csv  efforts.csv summary.json
+simulate arm.yaml  -  motion.csv motion.npz motion.png summary.json
+size arm.yaml way.yaml  way.yaml  sizing.json report.html sized.urdf motors.yaml
+size arm.yaml way.yaml --catalog catalog.yaml  catalog.yaml way.yaml  bom.csv
+size arm.yaml --cycle way.yaml:1 --cycle log.csv:2  log.csv way.yaml  bom.csv
+stop arm.yaml way.yaml  way.yaml  report.html stop.png summary.json
+retime arm.yaml way.yaml  way.yaml  trajectory.csv retime.png summary.json
+retime arm.yaml log.csv --motors motors.yaml  log.csv motors.yaml  trajectory.csv
+sweep arm.yaml way.yaml sweep.yaml  sweep.yaml way.yaml  sweep.png summary.json
+identify arm.yaml log.csv --columns columns.yaml  columns.yaml log.csv  scene.yaml posterior.csv
+identify arm.yaml log.csv  log.csv  sweep.yaml report.html advice.waypoints.yaml robot.urdf
+identify arm.yaml log.csv --held-out way.yaml  log.csv way.yaml  summary.json
+accuracy arm.yaml  -  accuracy.png accuracy.csv summary.json
+export arm.yaml --to cpp  -  pinfric_arm.hpp pinfric_arm_test.cpp
+export arm.yaml --to mjcf  -  arm.mjcf.xml
+"""
+SINGLE = """
+export arm.yaml --to mjcf --out  -
+export arm.yaml --to urdf --trajectory log.csv --out  log.csv
+replay arm.yaml --html  -
+replay arm.yaml way.yaml --motors motors.yaml --html  motors.yaml way.yaml
+replay arm.yaml motion.npz --html  motion.npz
+catalog table.csv --out  table.columns.yaml table.csv
+"""
 
 
 @pytest.fixture
@@ -80,12 +78,11 @@ def contents():
     return {name: Path(name).read_text() for name in FILES}
 
 
-@pytest.mark.parametrize(("command", "reads", "results"), FOLDERS)
+@pytest.mark.parametrize(("command", "reads", "results"), table(FOLDERS, str, str.split, str.split))
 def test_results_in_a_folder(files, capsys, command, reads, results):
-    names = results.split()
     for number, source in enumerate(FILES):
         Path("out").mkdir(exist_ok=True)
-        file = Path("out") / names[number % len(names)]
+        file = Path("out") / results[number % len(results)]
         (file.hardlink_to if number % 2 else file.symlink_to)(Path(source).absolute())
         given = *command.split(), "--out", "out"
         if source in {*SCENE, *reads}:
@@ -102,7 +99,7 @@ def test_results_in_a_folder(files, capsys, command, reads, results):
     assert list(Path("out").iterdir()) == []
 
 
-@pytest.mark.parametrize(("command", "reads"), SINGLE)
+@pytest.mark.parametrize(("command", "reads"), table(SINGLE, str, str.split))
 def test_a_result_in_one_file(files, capsys, command, reads):
     scene = set() if command.startswith("catalog") else SCENE
     for number, source in enumerate(FILES):

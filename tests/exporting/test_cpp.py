@@ -6,6 +6,7 @@ import compensator_time
 import numpy as np
 import pinocchio as pin
 import pytest
+import yaml
 from builders import chain, dry, lump, random_tree
 from cases import drawer_scene
 from export_cases import (
@@ -131,22 +132,23 @@ def test_a_wrench_is_replaced_and_a_payload_added(headers):
     assert_columns(twice["effort_lower"], once["effort_lower"], "payload")
 
 
-@pytest.mark.parametrize(
-    "payload",
-    [
-        (-1, 1.0, [0, 0, 0], [0] * 6),
-        (99, 1.0, [0, 0, 0], [0] * 6),
-        (0, -1.0, [0, 0, 0], [0] * 6),
-        (0, np.nan, [0, 0, 0], [0] * 6),
-        (0, 1.0, [0, np.inf, 0], [0] * 6),
-        (0, 1.0, [0, 0, 0], [-1.0, 0, 0, 1.0, 0, 1.0]),
-        (0, 1.0, [0, 0, 0], [1.0, 0, 0, 1.0, 0, 2.1]),  # more than a plate
-        (0, 1.0, [0, 0, 0], [1.0, 1.5, 0, 1.0, 0, 1.0]),  # one moment negative
-        (0, 1.0, [0, 0, 0], [1.0, 0.3, 0.3, 1.0, 0.3, 0.2]),
-        (0, 0.0, [0, 0, 0], [1.0, 0, 0, 1.0, 0, 1.0]),  # no mass
-        (0, 1e13, [0, 0, 0], [0] * 6),
-    ],
-)
+#: Frame, mass, centre, moments.
+PAYLOADS = """
+[-1, 1, [0, 0, 0], [0, 0, 0, 0, 0, 0]]
+[99, 1, [0, 0, 0], [0, 0, 0, 0, 0, 0]]
+[0, -1, [0, 0, 0], [0, 0, 0, 0, 0, 0]]
+[0, .nan, [0, 0, 0], [0, 0, 0, 0, 0, 0]]
+[0, 1, [0, .inf, 0], [0, 0, 0, 0, 0, 0]]
+[0, 1, [0, 0, 0], [-1, 0, 0, 1, 0, 1]]
+[0, 1, [0, 0, 0], [1, 0, 0, 1, 0, 2.1]] # more than a plate
+[0, 1, [0, 0, 0], [1, 1.5, 0, 1, 0, 1]] # one moment negative
+[0, 1, [0, 0, 0], [1, 0.3, 0.3, 1, 0.3, 0.2]]
+[0, 0, [0, 0, 0], [1, 0, 0, 1, 0, 1]] # no mass
+[0, 1.0e+13, [0, 0, 0], [0, 0, 0, 0, 0, 0]]
+"""
+
+
+@pytest.mark.parametrize("payload", map(yaml.safe_load, PAYLOADS.strip().splitlines()))
 def test_payloads_that_cannot_be_are_refused_and_change_nothing(headers, payload):
     scene = loadable()
     q, v, a = sampled(scene, 6, 5)

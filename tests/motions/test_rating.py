@@ -3,8 +3,10 @@
 import numpy as np
 import pinocchio as pin
 import pytest
+import yaml
 from rating_cases import ROBOTS, rated_robot, write_arm
 from scipy.optimize import minimize
+from tables import table
 
 import pinfric as pf
 from pinfric.errors import PinfricError, TrajectoryError
@@ -160,20 +162,20 @@ def test_the_rating_has_a_longer_lever_or_less_time_by_its_keys(tmp_path):
     assert slow.lifts[1].duration == pytest.approx(2 * near.lifts[1].duration, rel=0.01)
 
 
-BAD = [
-    ({"payload": 0}, "greater than 0"),
-    ({"payload": -1}, "greater than 0"),
-    ({"payload": 20}, "20 kg is more than 2 times the 9.5 kg of"),
-    ({"payload": "ten"}, "should be a number"),
-    ({}, "`payload` is missing"),
-    ({"payload": 1, "reach": 2}, "unknown key `reach`"),
-    ({"payload": 1, "speed": {"elbow": 1}}, "rating.speed: unknown joint 'elbow'"),
-    ({"payload": 1, "link": "hand"}, "there is no link 'hand'"),
-    ({"payload": 1, "link": "base"}, "no drive moves base"),
-]
+BAD = """
+{payload: 0}    greater than 0
+{payload: -1}   greater than 0
+{payload: 20}   20 kg is more than 2 times the 9.5 kg of
+{payload: ten}  should be a number
+{}              `payload` is missing
+{payload: 1, reach: 2}            unknown key `reach`
+{payload: 1, speed: {elbow: 1}}   rating.speed: unknown joint 'elbow'
+{payload: 1, link: hand}          there is no link 'hand'
+{payload: 1, link: base}          no drive moves base
+"""
 
 
-@pytest.mark.parametrize(("keys", "said"), BAD)
+@pytest.mark.parametrize(("keys", "said"), table(BAD, yaml.safe_load, str))
 def test_a_rating_that_cannot_be_is_refused_in_a_line(keys, said, tmp_path):
     scene, _ = rated_robot("arm", tmp_path)
     with pytest.raises(PinfricError, match=said) as refused:

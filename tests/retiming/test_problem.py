@@ -2,7 +2,9 @@
 
 import numpy as np
 import pytest
+import yaml
 from retime_cases import lifting, straight
+from tables import table
 
 import pinfric as pf
 from pinfric.retiming.path import Path
@@ -22,26 +24,25 @@ def test_a_payload_that_is_too_heavy_is_named():
         retime(scene, way, limits)
 
 
+WRONG = r"""
+[1.5707963, 0]  {j: {peak_torque: 9}}    path: stop 1: drive 'j' cannot hold: needs 9.81 N m of it
+[1.8, -1.8]     {j: {peak_torque: 9}}    stop 0: drive 'j' cannot hold
+[1.0]           {}                       limits: none for drive 'j'
+[1.0]           {j: {max_speed: 3}}      limits.j: nothing limits its torque
+[1.0]           {k: {}}                  there is no drive 'k'
+[1.0]           {j: {peak: 3}}           unknown key `peak`
+[1.0]           {j: {stall_torque: 3}}   needs both
+[4.0]           {j: {peak_torque: 90}}   joint j: 4 rad at 100 % of piece 0
+[1.0]           {j: no such + thing}     has no drive 'no such
+[1.0]           null                     states no effort limit for 'j'
+"""
+
+
 @pytest.mark.parametrize(
-    ("path", "limits", "message"),
-    [
-        (
-            straight(np.pi / 2),
-            {"j": {"peak_torque": 9.0}},
-            r"path: stop 1: drive 'j' cannot hold: needs 9.81 N m of its motor, has 9",
-        ),
-        (straight(1.8, -1.8), {"j": {"peak_torque": 9.0}}, r"stop 0: drive 'j' cannot hold"),
-        (straight(1.0), {}, "limits: none for drive 'j'"),
-        (straight(1.0), {"j": {"max_speed": 3.0}}, r"limits.j: nothing limits its torque"),
-        (straight(1.0), {"k": {}}, "there is no drive 'k'"),
-        (straight(1.0), {"j": {"peak": 3.0}}, "unknown key `peak`"),
-        (straight(1.0), {"j": {"stall_torque": 3.0}}, "needs both"),
-        (straight(4.0), {"j": {"peak_torque": 90.0}}, "joint j: 4 rad at 100 % of piece 0"),
-        (straight(1.0), {"j": "no such + thing"}, "has no drive 'no such"),
-        (straight(1.0), None, "states no effort limit for 'j'"),
-    ],
+    ("path", "limits", "message"), table(WRONG, yaml.safe_load, yaml.safe_load, str)
 )
 def test_what_cannot_be_is_said_in_one_line(path, limits, message):
+    path = straight(*path)
     with pytest.raises(pf.PinfricError, match=message) as caught:
         retime(lifting(), path, limits)
     assert "\n" not in str(caught.value)
