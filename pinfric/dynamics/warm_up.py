@@ -27,9 +27,6 @@ def warm_up(scene: Scene) -> float:
     `forward_dynamics`, `holds` and `simulate` by every method. They are kept in numba's cache, from
     which later runs load them in a second or two. All open chains need the same kernels; loops and
     drives off the joints need some more. A line on stderr says when something is compiled.
-
-    Args:
-        scene: the robot with its friction and drives.
     """
     expect_scene(scene, "warm_up")
     start = time.perf_counter()

@@ -2,10 +2,10 @@
 
     A x = b, so x = x_0 + N z
 
-Limits of joints may differ by many decades: a hoist's gear holds 1e6 N m beside a hinge with 1e-6.
-In a sum of both, the small one would be lost in rounding. So the equations are solved for the
-friction of the joints with the largest limits, joints without limit first (Gauss-Jordan with full
-pivoting, every column in its own unit); z is the friction of the joints with the smallest limits.
+Limits of joints may differ by many decades, and rounding of the large would hide the small. So the
+equations are solved for the friction of the joints with the largest limits, joints without limit
+first (Gauss-Jordan with full pivoting, every column in its own unit); z is the friction of the
+joints with the smallest limits.
 """
 
 from __future__ import annotations
@@ -84,7 +84,6 @@ class Balance(NamedTuple):
         """Return the equations that make the rates of some coordinates 0; None: unsolvable.
 
         Args:
-            problem: `Problem`.
             factor: (d, nc) A of rate_slope = A^T A.
             members: (n,) the coordinates.
             slope: see `Mechanism.slope`.

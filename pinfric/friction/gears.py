@@ -113,7 +113,6 @@ def bind(problem: Problem, bound: np.ndarray, rows: np.ndarray, X: np.ndarray) -
     """Write the friction of coordinates that stick or have gears; False: it is singular.
 
     Args:
-        problem: `Problem`.
         bound, rows: (nc,) which; (nc, 3), or (0, 3) without gears.
         X: (nc, columns) y as a map, overwritten with x.
     """
@@ -147,7 +146,7 @@ def bind(problem: Problem, bound: np.ndarray, rows: np.ndarray, X: np.ndarray) -
 def slip_friction(problem: Problem, modes: Modes, y: np.ndarray) -> None:
     """Write the friction y (nc,) of bearings that slip, under the loads in `modes`; 0 of others.
 
-    Where no friction is known the loads are not, either, and taken as zero.
+    Unknown loads count as zero.
     """
     if modes.friction[0] != modes.friction[0]:
         modes.load[:] = 0.0
@@ -163,8 +162,7 @@ def guess_lines(
 ) -> None:
     """Choose lines with the loads of the last solution, of which `slip_friction` gives y (nc,).
 
-    This costs a fraction of a full solve, and then one full solve is usually enough: without it a
-    state in which one joint of six rests takes 1.25 times as long.
+    Then one full solve is usually enough: without it a state takes 1.25 times as long.
 
     Args:
         lines, rows: see `write_rows`; overwritten.
@@ -192,7 +190,6 @@ def fit(problem: Problem, modes: Modes, lines: np.ndarray, rests: bool) -> tuple
 
     Args:
         problem: its limits of gears at rest are overwritten.
-        modes: `Modes`.
         lines: on which it was solved, see `write_rows`.
         rests: whether to look at gears at rest.
 
@@ -282,8 +279,7 @@ def gear_margins(problem: Problem, modes: Modes, g: int) -> tuple[float, float]:
     """Return the distances of the torque at a gear at rest above lower(t) and below upper(t).
 
     Each is the largest over all efforts t that the friction beside the gear allows; below 0 the
-    gear slips backward or forward. Both are finite and continuous, also where a self-locking gear
-    begins to hold any effort.
+    gear slips. Both are finite and continuous.
     """
     given = problem.gear_rotor[g, 0]
     needed = given + modes.friction[problem.coordinate[gear_entry(problem, g)]]
@@ -318,8 +314,6 @@ def without_gears(
 
     None where the rows of gears in motion are singular.
 
-    At rest, y is counted from the friction nearest to zero that its gears hold, or from one well
-    within what they hold.
     """
     if not problem.gear_rotor.shape[0]:
         return problem, np.empty(0)
@@ -475,8 +469,7 @@ def lasts_under_loads(problem: Problem, modes: Modes, slopes: np.ndarray) -> boo
 def choices(problem: Problem, modes: Modes) -> list[tuple[np.ndarray, bool]] | None:
     """Return efforts (ng,) on every choice of lines that may fit, and whether it is stable.
 
-    None where there are too many. The present modes must be solved, on any lines. Where no friction
-    depends on loads all is linear, and lines that do not fit are left out.
+    None where there are too many. The present modes must be solved, on any lines.
     """
     moves = np.flatnonzero(~modes.stuck[problem.gear_coordinate])
     if not len(moves):

@@ -5,12 +5,10 @@ solved by the fixed-point iteration while this is fast (the paper), then by a se
 method; the residual of the solution is always verified. The certificate is `contraction`, a bound
 of the spectral radius of A_kj = gain Lip(load along z_j). Below 1 the solution exists and is the
 only one; otherwise others are searched for. Where nothing rests and the bound is clearly below 1,
-`slide` solves the `Problem` itself by Newton's method: its own copies of contraction, residual and
-Jacobian save the time of a reduction.
+`slide` saves the time of a reduction by solving the `Problem` itself.
 
-`judge` says whether modes are consistent. A sticking coordinate must stay within its static limits
-(paper eq. 21). A slipping one that starts from rest must move in the direction that its friction
-opposes (eq. 20).
+Modes are consistent (`judge`) if what sticks stays within its static limits (paper eq. 21) and what
+starts from rest moves against its friction (eq. 20).
 """
 
 from __future__ import annotations
@@ -160,7 +158,6 @@ def residual(
     """Write z - (offset + gain load(z)) and return the largest, relative to its terms.
 
     Args:
-        reduced: `Reduced`.
         z: (nz,).
         rest, size: (nz,), overwritten: the residual, and the size of the terms it is the sum of.
         p: (3,), overwritten: a contact force.
@@ -195,7 +192,6 @@ def newton(reduced: Reduced, z: np.ndarray, fast: bool) -> tuple[float, int]:
     """Solve z = offset + gain load(z) from the given z: fixed point while fast, then Newton.
 
     Args:
-        reduced: `Reduced`.
         z: (nz,), overwritten.
         fast: False leaves the fixed point out: it can jump from one solution to another.
 
@@ -259,12 +255,10 @@ def fixed_point(reduced: Reduced, z: np.ndarray, tolerance: float) -> int:
 def settles(reduced: Reduced, z: np.ndarray) -> bool:
     """Refine a z of small residual by Newton; return whether it is known to be a solution.
 
-    Its error |J^-1| (|rest| + rounding) must be small. Where the contraction is 1, z and gain
-    load(z) grow alike far out: their difference is rounding, or happens to be zero, although no
-    solution is near or none exists.
+    Its error |J^-1| (|rest| + rounding) must be small: where the contraction is 1, a small residual
+    far out proves nothing.
 
     Args:
-        reduced: `Reduced`.
         z: (nz,), overwritten.
     """
     _, _, offset, _, gain, contact = reduced
@@ -341,15 +335,13 @@ def solve_given_modes(
     """Find the friction in given modes and lines; several solutions if contraction allows them.
 
     Args:
-        problem: `Problem`.
         stuck, direction, rows: see `reduce_problem`.
         guess: (nc,) friction of bearings to start from; NaN in the first place: none.
         solutions: (MOST_SOLUTIONS, nc), overwritten with the solutions found.
         figures: (2,), overwritten: contraction, passes.
 
     Returns:
-        Number of solutions, at most MOST_SOLUTIONS; -1 if none was found although the contraction
-        is certain (the solver fails because of rounding).
+        Number of solutions; -1 if rounding hides the one that the contraction makes certain.
     """
     figures[0] = figures[1] = 0.0
     nz, reduced = reduce_problem(problem, stuck, direction, rows)
@@ -394,9 +386,7 @@ def _search(
     """Search for solutions, of which there may be none or several, from zero and from far out.
 
     Args:
-        reduced: `Reduced`.
-        direction: see `slip_law`.
-        z: (nz,) where Newton has come to, overwritten.
+        direction: see `slip_law`. z: (nz,) where Newton has come to, overwritten.
         small: whether the residual there is small.
         perron: (nz,) eigenvector of the contraction's matrix.
         solutions, figures: see `solve_given_modes`.
@@ -450,7 +440,6 @@ def slide(problem: Problem, modes: Modes) -> bool:  # noqa: C901
     Newton's method goes over the lines of gears, too, if they rise.
 
     Args:
-        problem: `Problem`.
         modes: `Modes`; its `friction` and `effort` are where the solve starts from.
     """
     x, load, (nc, ne) = modes.friction, modes.load, (modes.friction.size, modes.load.size)
@@ -654,7 +643,6 @@ def judge(problem: Problem, modes: Modes) -> int:
     """Write how each coordinate violates its law; return the number that do (paper eq. 20, 21).
 
     Args:
-        problem: `Problem`.
         modes: `Modes`, solved; its `verdict` is overwritten.
     """
     resting = 0
@@ -701,10 +689,8 @@ def try_modes(problem: Problem, modes: Modes, chosen: bool) -> tuple[int, int]:
     Every gear in motion is on the line that fits, by Newton's method over the lines.
 
     Args:
-        problem: `Problem`.
         modes: `Modes`; its `friction` and `effort` are where the solve starts from.
-        chosen: whether gears in motion are to keep their lines instead; solutions off them do not
-            count.
+        chosen: whether gears in motion keep their lines instead.
 
     Returns:
         (number of solutions or -1, how many of them obey), see `solve_given_modes`.

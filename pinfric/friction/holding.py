@@ -1,9 +1,8 @@
 """Decides whether friction can hold resting joints, by a search and a proof.
 
-Friction x in equilibrium holds if no joint needs more than its static limit. Limits are convex in
-x, so the set of frictions that hold is a difference of convex sets. A search (`least_use`) may end
-above the limits although another x holds, at any contraction. Then `branching` finds this x or
-proves that none exists. The result depends only on the state.
+Limits are convex in x, so the frictions that hold are a difference of convex sets. A search
+(`least_use`) may end above the limits although another x holds: `branching` finds it or proves that
+there is none.
 """
 
 from __future__ import annotations
@@ -33,8 +32,7 @@ class Verdict:
         held: True, False, or None if neither a friction that holds nor a proof was found.
         use: the smallest max |x_k| / limit_k found: the largest ratio of friction to static limit.
         friction: (nc,) with that use (N m or N).
-        proved: True if a friction holds, or if branching proves that none does, unless friction
-            might wedge itself at any magnitude.
+        proved: whether that is certain, see `StaticHold`.
         least: whether it is proved that no friction has a use smaller by more than `LEAST`.
     """
 

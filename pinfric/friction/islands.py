@@ -1,7 +1,6 @@
 """Independent parts of a problem: what neither rates nor loads couple is solved and judged alone.
 
-An island's answers do not depend on those of the others, so the modes of n islands are searched one
-after the other: their numbers add up in place of being multiplied.
+Their numbers of modes add up in place of being multiplied.
 """
 
 from __future__ import annotations

@@ -73,8 +73,7 @@ def add_load_slopes(
 ) -> None:
     """Add the derivative of each weighted size, weight d|p| / dx, to its owner's row of a slope.
 
-    A force of zero has no direction: it adds nothing (an element of the generalized Jacobian of the
-    norm).
+    A force of zero adds nothing.
 
     Args:
         contact, owner, x: see `write_loads`.
@@ -120,7 +119,6 @@ def sliding(problem: Problem, s: int, direction: float) -> tuple[float, float]:
     """Return gain and offset of an entry whose coordinate slips.
 
     Args:
-        problem: `Problem`.
         s: the entry.
         direction: of the coordinate's slip, -1 to 1 (between: regularized friction).
     """
@@ -137,7 +135,6 @@ def slip_law(
     """Write the laws of slipping coordinates, x = offset + sum of gain load; 0 where one sticks.
 
     Args:
-        problem: `Problem`.
         stuck: (nc,) bool.
         direction: (nc,) of the slip, see `sliding`.
         gain: (ne,), overwritten.
@@ -173,11 +170,9 @@ def entry_friction(
 ) -> None:
     """Write each entry's friction (ne,); those of one sticking coordinate share its friction.
 
-    The motion determines only the sum; it is shared in proportion to the limits. If one entry holds
-    any load, the others get the middle of the range that is left for them.
+    It is shared in proportion to the limits.
 
     Args:
-        problem: `Problem`.
         modes: `Modes`, solved.
         lower, upper: (nc,), `stick_limits`.
         phi: (ne,), overwritten.

@@ -8,9 +8,8 @@ The *use* of x is the largest |x_k| / limit_k. The limits' tangents lie below th
 one linear program finds the x with the largest margin at the present use; its true use is smaller.
 So the use falls to a stationary point. There may be several if limits depend on loads.
 
-Every friction is divided by its own limit, every contact force by the limit that it is part of. So
-limits of 1e-6 and 1e6 N m, and the unit of mass, cause no difficulty. A joint without limit has no
-row in the program.
+Every friction is divided by its own limit, every contact force by the limit that it is part of. A
+joint without limit has no row in the program.
 """
 
 from __future__ import annotations
@@ -114,7 +113,6 @@ def make_rest(
     """Return arrays of coordinates at rest, whether all forces lie in planes, whether none wedges.
 
     Args:
-        problem: `Problem`.
         members: (n,) the coordinates.
         balance: what their friction balances.
 
@@ -279,7 +277,6 @@ def write_limit(
     """Write the rows |x_k| - use limit <= m and |x_k| - box_k <= m of a linear program, one way.
 
     Args:
-        rest: `Rest`.
         x: (n,) friction from which z is counted.
         r: the row of the limit, 2 k for x_k > 0, 2 k + 1 for x_k < 0; that of the box is 2 n below.
         use: so much of the limit is looked for. limit: inf: there is none, the row says nothing.
@@ -301,8 +298,7 @@ def write_limit(
 def descend(rest: Rest, z: np.ndarray) -> float:
     """Lower the use from z on, one linear program a step; return it, and overwrite z (dz,).
 
-    Where friction can wedge itself, the use may fall as friction grows without bound; so only the
-    box is searched.
+    Only the box is searched: friction that can wedge itself may grow without bound.
     """
     n, dz = rest.N.shape
     x, above, below = np.empty(n), np.empty(n), np.empty(n)

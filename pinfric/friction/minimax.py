@@ -20,8 +20,7 @@ def least_violation(
     """Write a z with the least m such that G z + h <= m s, |z_j| <= reach; return a bound of m.
 
     Simplex on the dual, max h^T y - reach |G^T y|_1 with s^T y = 1, y >= 0: the worst row and sides
-    of the box are a feasible basis at once. Every y bounds m from below (weak duality), so the
-    returned value is a bound even if the simplex stops early.
+    of the box are a feasible basis at once. Every y bounds m from below (weak duality).
 
     Args:
         G, h, s: (>= rows, dz), (>= rows,), (>= rows,), s > 0; the first `rows` of them count.

@@ -1,8 +1,7 @@
 """Stick and slip of joints that can only move together, as in a closed mechanism.
 
-The four pins of a four-bar rest together, and statics does not determine how they share the load:
-the coordinates' equations r = 0 depend on each other. Of all x that hold, the one with the least t
-is then chosen:
+Statics does not determine how they share the load: the equations r = 0 depend on each other. Of all
+x that hold, the one with the least t is chosen:
 
     |x_k| <= t limit_k,      0 = rate_free + A^T A x
 
@@ -11,9 +10,8 @@ x_k = -t limit_k sign(A_k). With several, this is true only for the joints that 
 direction w, in which the mechanism breaks away when t reaches 1. Joints that rest independently of
 each other share no friction.
 
-Limits depend on loads, and loads on friction, so t is a stationary value: with one degree of
-freedom from its own conditions, with several by fixing the limits repeatedly. It can be above the
-least. So t > 1 does not prove that nothing holds; `holding` decides whether another x holds.
+Limits depend on loads, and loads on friction, so t is a stationary value, which can be above the
+least: `holding` decides whether another x holds.
 """
 
 from __future__ import annotations
@@ -178,8 +176,7 @@ def solve_modes(
 
     Args:
         problem, modes, mechanism: what to solve.
-        chosen: whether gears in motion are to keep their lines, those of `modes.effort`; no
-            solution is off them.
+        chosen: whether gears in motion keep their lines, those of `modes.effort`.
     """
     if chosen:
         hold_chosen(problem, modes)
@@ -209,8 +206,7 @@ def _together(
 ) -> tuple[int, int]:
     """`solve_modes` of a mechanism, with the intervals that gears at rest hold as they are.
 
-    `within`: friction is counted from within them. From their ends, a limit of zero beside an
-    infinite one, the search for what holds may fail.
+    `within`: friction is counted from within them, not from their ends.
     """
     for _ in range(MOST_PASSES):
         lines, rows = lines_and_rows(problem, modes)

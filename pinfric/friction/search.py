@@ -3,10 +3,9 @@
 At rest stick has priority: a coordinate slips only if no admissible stick exists. So the search is
 for the consistent modes with the fewest slipping joints. Two different accelerations with equally
 few slipping joints are ambiguous, unless exactly one of them lets all joints stick that were
-sticking until now. Joints that do not depend on each other are searched apart (`islands`). Of up
-to `MOST_ENUMERATED` joints at rest all modes that kinematics allows are tried (`PossibleWays`).
-Beyond that, modes are followed from all stick; those found are consistent, but others may exist
-unless `_is_only` proves that there are none.
+sticking until now. Joints that do not depend on each other are searched apart (`islands`). Of up to
+`MOST_ENUMERATED` joints at rest all modes that kinematics allows are tried (`PossibleWays`). Beyond
+that, modes are followed from all stick: others may exist.
 
 A search ends after `MOST_PASSES` passes of its solves; it is then `UNDECIDED`.
 """
@@ -45,14 +44,10 @@ Ways = dict[int, float]
 class PossibleWays:
     """The combinations of slip directions that kinematics allows, out of 3^n for n joints at rest.
 
-    Relative accelerations are r = c + A^T w with any w, so in a mechanism with d degrees of freedom
-    not every choice of signs is possible. The four pins of a four-bar all slip or none does: three
-    ways in place of 3^4. In general the ways are the faces that n planes form in d dimensions
-    (Zaslavsky 1975).
+    Relative accelerations are r = c + A^T w with any w (d,), so the ways are the faces that n
+    planes form in d dimensions (Zaslavsky 1975): three for a four-bar's pins, not 3^4.
 
     Args:
-        problem: `Problem`.
-        mechanism: `Mechanism`.
         at_rest: (nc,) bool.
     """
 
@@ -329,12 +324,9 @@ def search(
     A joint that rests only because it is at its dead centre reverses with the mechanism.
 
     Args:
-        problem: `Problem`.
         modes: with `at_rest`, and the modes of the others, set; overwritten with the answer.
-        mechanism: `Mechanism`.
         forced: coordinate -> direction it must slip in (it has just broken away).
-        held: (nc,) bool, coordinates that were sticking until now: of several solutions with
-            equally few slipping joints, the one in which all of these stick is chosen.
+        held: (nc,) bool, coordinates that were sticking until now, see the module's text.
         count: overwritten with what was counted.
     """
     return _each_island(_search, problem, modes, mechanism, count or Count(), forced, held)
@@ -603,8 +595,7 @@ def _settle(query: _Query) -> tuple[int, int]:
 def _same(one: Modes, other: Modes) -> bool:
     """Return whether two solutions are one acceleration.
 
-    Their friction is the same (what is at its limit slips at rate 0), or their rates are: what
-    rests may share its friction in many ways.
+    Their friction is the same, or their rates are: what rests may share its friction in many ways.
     """
     pairs = np.array([(one.friction, other.friction), (one.rate, other.rate)])
     far = np.abs(pairs[:, 0] - pairs[:, 1]).max(axis=1, initial=0.0)
@@ -672,13 +663,11 @@ def _follow_or_try(
 def _follow(query: _Query, fixed: set[int]) -> Found:
     """Find consistent modes by block pivoting with Murty's rule as a safeguard, `fixed` unchanged.
 
-    All joints that violate their law change their mode at once. When this stops reducing their
-    number, only the last of them does. This is certain to end if loads do not depend on friction
-    and static equals kinetic friction (a P-matrix). A ball that slips from rest moves in the
-    direction of the effort on it, which depends on its friction; it is iterated until it is
-    constant.
+    All joints that violate their law change their mode at once; when this stops reducing their
+    number, only the last of them does (certain to end with a P-matrix). The direction of a ball
+    that slips from rest depends on its friction, and is iterated.
     """
-    problem, modes, mechanism = query.problem, query.modes, query.mechanism
+    modes, mechanism = query.modes, query.mechanism
     all_at_once = _Patience(len(modes.stuck) + 1)
     for _ in range(_CHANGES + _FOR_EACH * len(modes.stuck)):
         if query.left <= 0:
@@ -786,8 +775,7 @@ def _polish(
 def _secular_root(pull: np.ndarray, size: np.ndarray, limit: float) -> float:
     """Return the g >= 0 at which |pull / (size + g)| = limit; next to 0 where it is below there.
 
-    By Newton's method on 1 / |.|, which is nearly a line, from the left, where it stays; kept
-    between bounds that rounding does not leave (Moré and Sorensen 1983).
+    By Newton's method on 1 / |.|, which is nearly a line (Moré and Sorensen 1983).
 
     Args:
         pull, size: (3,), size >= 0.

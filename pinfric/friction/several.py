@@ -53,7 +53,6 @@ def find_all(
     """Return all frictions that fit given modes, of up to `MOST_COUPLED` that follow loads.
 
     Args:
-        problem: `Problem`.
         stuck, direction: (nc,) the modes. rows: (nc, 3), `gears.write_rows`.
     """
     nz, reduced = reduce_problem(problem, stuck, direction, rows)
@@ -67,10 +66,9 @@ def find_all(
 def from_many_starts(reduced: Reduced, direction: np.ndarray) -> tuple[np.ndarray, int]:
     """Return the frictions (n, nc) that Newton's method finds from many starts, and its passes.
 
-    Starts are on every scale. It proves nothing, and the same friction may come several times.
+    It proves nothing, and the same friction may come several times.
 
     Args:
-        reduced: `Reduced`.
         direction: (nc,) of the slip.
     """
     unknown, X, _, _, gain, contact = reduced
@@ -90,10 +88,7 @@ def from_many_starts(reduced: Reduced, direction: np.ndarray) -> tuple[np.ndarra
 
 
 def distinct(found: np.ndarray) -> list[np.ndarray]:
-    """Return the frictions (n, nc) that differ by more than rounding: each by its own scale.
-
-    By the largest friction of all, a small pin's two limits beside a large one's would be one.
-    """
+    """Return the frictions (n, nc) that differ by more than rounding: each by its own scale."""
     kept: list[np.ndarray] = []
     for x in found:
         floor = _ROUNDING * float(np.abs(x).max(initial=0.0))

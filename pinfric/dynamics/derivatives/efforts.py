@@ -7,8 +7,8 @@
     at rest     the ends of phi: dphi/dc = -+mu_s, dphi/dv = 0
     gear        d(r T_m) = slope dt + (dF/dw) dw + drag' dw + r^2 J da   (`model.drives`)
 
-A gear at rest has its least and greatest torque at an end of the interval of efforts, or, if it is
-self-locking, at a corner of its lines within it, where the torque does not change with the effort.
+A self-locking gear at rest may have its least torque at a corner of its lines, where it does not
+change with the effort.
 
 Smoothed by a width of speeds w, with s(y) = y (15 - 10 y^2 + 3 y^4) / 8 for |y| < 1, else sign y,
 

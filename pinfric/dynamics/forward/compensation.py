@@ -121,7 +121,6 @@ def check_compensated(scene: Scene, based: bool = False) -> None:
     """Refuse a scene whose compensation has no bound on its computing time, or is undetermined.
 
     Args:
-        scene: the robot.
         based: whether joints without drives may be in it, as the floating base of a legged robot.
 
     Raises:

@@ -54,8 +54,8 @@ class Instant(NamedTuple):
             torques after the losses of the gears.
         driving: (na,) int8, of gears that move: 1 where the motor drives, -1 where the load does.
         answers: how many accelerations obey the laws (`friction/gears.py`); of several this is the
-            only stable one. 0: one was found, others may exist: not all modes were tried, as where
-            more than eight joints at rest depend on each other, and nothing proves it the only one.
+            only stable one. 0: one was found, others may exist, as where more than eight joints at
+            rest depend on each other.
     """
 
     a: np.ndarray
@@ -269,10 +269,7 @@ def _solved_as_given(
 
 
 def solution(ws: Workspace) -> Instant:
-    """Return the workspace's solution: `a` is its own, the rest are views, overwritten next time.
-
-    Copies of all would cost an eighth to a fifth of a call, and so would a tuple made by name.
-    """
+    """Return the workspace's solution: `a` is its own, the rest are overwritten next time."""
     if ws.wrench is ws.forces:  # one ABA
         if not ws.views:
             modes, effort, driving = ws.site_modes, ws.effort, ws.machine.results.driving

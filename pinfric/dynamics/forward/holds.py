@@ -33,10 +33,9 @@ class StaticHold:
 
     Attributes:
         held: True, False, or None if neither could be shown.
-        use: the largest ratio of a joint's friction to its static limit; above 1 if friction does
-            not hold. It is the smallest value found over all ways to share friction among the
-            joints. Where friction can wedge itself, it is the smallest over frictions up to 50
-            times the limits. Where balls rest and no friction holds, it is a lower bound of it.
+        use: the largest ratio of a joint's friction to its static limit, the smallest found over
+            all ways to share friction (up to 50 times the limits where it can wedge itself; a lower
+            bound where balls rest and no friction holds).
         proved: whether `held` is proved: if True by the friction returned here, if False by
             branching, with balls by a motion that friction cannot resist. Friction that might
             wedge itself beyond 50 times its limits is not covered.
@@ -73,9 +72,8 @@ def holds(
     """Decide whether static friction holds a robot at rest, and with which margin.
 
     Friction x must be in equilibrium with effort, gravity and loops, and |x_k| <= limit_k(x) at
-    every joint: use = min over all such x of max |x_k| / limit_k. The limits depend on the loads,
-    and these on friction. So a search looks for x and, if it finds none, a proof shows that none
-    exists (`holding`). Each friction is divided by its own limit, so limits may differ by decades.
+    every joint: use = min over all such x of max |x_k| / limit_k. A search looks for x and, if it
+    finds none, a proof shows that none exists (`holding`).
 
     Args:
         scene: the robot with its friction and drives.
@@ -188,8 +186,8 @@ def _statics(ws: Workspace, resting: np.ndarray, shift: np.ndarray) -> Balance:
 
     Friction is counted from a shift (nc,).
 
-    It does not contain the mass matrix, through which the rounding of a large effort would affect a
-    small limit. If some motions Z B are not held at all, it contains their inertia.
+    Without the mass matrix, whose rounding would affect small limits; it contains the inertia of
+    motions Z B that nothing holds.
     """
     w, D = ws.machine.maps, ws.machine.kinematics.D[resting]
     dead = ~ws.mechanism.factor[:, resting].any(axis=0)

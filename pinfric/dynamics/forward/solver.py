@@ -322,9 +322,8 @@ class _Buffers(threading.local):
     """What a solver computes in: each thread that calls it has its own, made at its first call.
 
     Attributes:
-        both: the workspace, and where each joint has its own drive a sample; read together: an
-            attribute of a thread takes twice as long as another. A solver of other friction
-            computes reactions in the workspace of the one it was made of.
+        both: the workspace, and where each joint has its own drive a sample. A solver of other
+            friction computes reactions in the workspace of the one it was made of.
         given: the workspaces where efforts (False) and motors' torques (True) are given, made at
             first; of such a solver that for efforts, too.
         compensated: of `compensate`, made at its first call.
@@ -345,13 +344,10 @@ class _Buffers(threading.local):
 class Solver:
     """Inverse and forward dynamics of one scene, one state at a time.
 
-    For controllers, optimizers and integrators. Everything that does not depend on the state is
-    prepared when the solver is made, and the kernels of `inverse` and `forward` are compiled, so
-    neither waits for the compiler (`compensate` does at its first call). With an empty cache this
-    takes a minute or two, and a line on stderr reports it. The
-    arrays of a result belong to the solver, and the next call of the same thread overwrites them:
-    copy those that you want to keep. Each thread has arrays of its own, made at its first call in
-    about 1 ms. The solver has its own scene: later changes of `scene.model` do not affect it.
+    For controllers, optimizers and integrators. When the solver is made, the kernels of `inverse`
+    and `forward` are compiled, which takes a minute or two with an empty cache (`compensate` waits
+    at its first call). The next call of the same thread overwrites the arrays of a result: copy
+    those that you want to keep. Later changes of `scene.model` do not affect the solver.
 
     Attributes:
         scene: the scene, unchanged since.
@@ -392,8 +388,7 @@ class Solver:
         """Return a solver of the same robot with other friction, e.g. of a random draw.
 
         Where only coefficients of joints that rub change, in an open chain, it takes some 0.2 ms:
-        kernels, reactions and the robot are those of this solver, which stays as it is. The first
-        call of `forward` or `compensate` makes their tables. Else it is that of a new scene.
+        kernels, reactions and the robot are those of this solver.
 
         Args:
             friction: joint -> friction, as `Friction` or as the mapping of a scene file; the other
@@ -439,11 +434,7 @@ class Solver:
             Views that the next call overwrites; if efforts are NaN, `status` gives the reason.
 
         Raises:
-            StateError: not real numbers, a wrong shape, a value not finite.
-            RollMomentError: a guide without width is loaded by a moment about its axis.
-            LoopMotionError: a loop is open, or the motion violates it.
-            SceneError, UndrivenMotionError: redundant or missing drives (`inverse_dynamics`); an
-                unknown frame.
+            See `inverse_dynamics`.
         """
         ws, x = self._own.both
         if x is None:
@@ -524,11 +515,7 @@ class Solver:
         a = M^-1 (u - h + J_ext^T f_ext + D phi) (paper eq. 3, 20, 21); as `forward_dynamics`.
 
         Args:
-            q, v: (nq,), (nv,) in rad, m and per second.
-            effort: (na,) what the drives deliver at the joints (N m or N), in the order of
-                `scene.actuator_names`, or a mapping drive name -> number.
-            motor_torque: like `effort` and in its place, at the motors' shafts (N m).
-            external: frame name -> (6,) wrench on it, in its axes at its origin (N, N m).
+            q, v, effort, motor_torque, external: see `forward_dynamics`, of one state.
 
         Returns:
             `a` is an array of its own; the others are views that the next call overwrites.
@@ -741,8 +728,8 @@ class Solver:
     ) -> np.ndarray:
         """Return the friction at a measured velocity that a controller may add to its own.
 
-        out = measured_scale (D + P drag + motor's drag)(v_now). This is a feedback loop: it takes
-        less than the joints' friction as long as that is at least measured_scale times the model's.
+        out = measured_scale (D + P drag + motor's drag)(v_now). This is a feedback loop, passive
+        while the joints' friction is at least measured_scale times the model's.
 
         Args:
             q: (nq,). v_now: (nv,) measured velocity, low-passed.

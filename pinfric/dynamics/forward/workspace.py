@@ -275,8 +275,7 @@ class Workspace:
     def check_held(self, a: np.ndarray) -> None:
         """Refuse a solution in which a joint that moves no mass, at rest, does not stay so.
 
-        It has an inertia of 1 here, which changes nothing else, so that it stays at rest as long
-        as its friction bears its effort.
+        It has an inertia of 1 here, which changes nothing else.
 
         Args:
             a: (nv,) of the solution; made exactly 0 there.
@@ -399,8 +398,7 @@ class Workspace:
     def _leave_dead_centres(self) -> None:
         """Let joints that rest at their dead centre slip in the direction of the mechanism.
 
-        Their own rates are exactly zero and give no direction. A moment later, with velocities
-        v = a dt, their sign is that of the rate at v = a.
+        Their own rates are zero; a moment later their sign is that of the rate at v = a.
         """
         m = self.modes
         dead = m.at_rest & m.stuck & ~self.mechanism.factor.any(axis=0)
@@ -450,8 +448,7 @@ class Workspace:
 def rehearse(ws: Workspace) -> None:
     """Compile every kernel that a solve may call, so that none is compiled in a control loop.
 
-    The kernels for joints at rest that share their friction are called with no effort and with
-    one that nothing can hold. That overwrites the solutions: use a separate workspace.
+    That overwrites the solutions: use a separate workspace.
     """
     if not ws.nv:
         return
@@ -558,8 +555,7 @@ def workspace(
 def lent(scene: Scene, attached: Iterable[str] | None, motors: bool) -> Iterator[Workspace]:
     """Lend a workspace as if it were new; nothing else uses it meanwhile.
 
-    To make one takes a third of a short simulation. It lives in the scene's twin; one that an error
-    left is not lent again.
+    It lives in the scene's twin; one that an error left is not lent again.
     """
     kept: list[Workspace] = scene.twin(attached).pools.setdefault(("lent", motors), [])
     ws: Workspace | None = None

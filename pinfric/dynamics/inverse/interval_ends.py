@@ -162,8 +162,7 @@ class IntervalSearch:
     def _complete(self, c: Candidates) -> None:
         """Look for more solutions of candidates whose contraction allows them: from many starts.
 
-        Of `_MOST_SEARCHED` candidates at most, and of a sample until it comes to its bound: it
-        takes milliseconds each.
+        Of `_MOST_SEARCHED` candidates at most, and of a sample until it comes to its bound.
         """
         doubtful = (c.figures[:, 0] >= 1.0) & (c.found < 2)
         spent = np.bincount(c.sample, c.figures[:, 1])
@@ -296,10 +295,7 @@ class IntervalSearch:
         free: np.ndarray,
         balls: np.ndarray,
     ) -> np.ndarray:
-        """Solve all combinations of limits; return the samples of which it would take too long.
-
-        These have many combinations, each of which may have several solutions.
-        """
+        """Solve all combinations of limits; return the samples of which it would take too long."""
         combinations, left = np.array(list(product(*options)), dtype=np.int64), [np.arange(0)]
         for part in _slices(len(samples), max(1, _AT_ONCE // len(combinations))):
             active = samples[part]
@@ -325,9 +321,9 @@ class IntervalSearch:
     ) -> np.ndarray:
         """Find the ends by branch and bound on signs; return the samples in which it gives up.
 
-        A node is a sample in which some sites are at a limit and the others anywhere between. Its
-        guess has these at the limits that `slope_bounds` suggests. What another choice may gain is
-        bounded, too: where it may, the node is split at the site that may gain most.
+        A node has some sites at a limit and the others anywhere between. Its guess has these at the
+        limits that `slope_bounds` suggests; it is split at the site whose other limit may gain
+        most.
         """
         left = []
         for sample in samples.tolist():

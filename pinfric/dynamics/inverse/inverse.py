@@ -84,11 +84,9 @@ def inverse_dynamics(
         t: (T,) times in s, which make the samples one motion: for reversals, stick intervals and
             time-weighted figures. None: states without order.
         attached: (T, np) which payloads are carried; columns as `scene.payloads`.
-        threads: of Pinocchio; None chooses by the number of samples. A process that was forked
-            after its parent had used several gets one, because OpenMP would end it otherwise.
-        chunks: return an iterator of results of this many samples each, for motions whose result
-            would not fit in memory; a time at rest that continues into the next result is a stick
-            interval in both.
+        threads: of Pinocchio; None chooses by the number of samples (one in a forked process).
+        chunks: return an iterator of results of this many samples each; a time at rest that
+            continues into the next is a stick interval in both.
 
     Raises:
         StateError: not real numbers, a wrong shape, a value not finite, times not increasing.

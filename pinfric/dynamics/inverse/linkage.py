@@ -151,7 +151,6 @@ def site_reversals(plan: Plan, velocity: np.ndarray) -> np.ndarray:
     stick velocity; of the two samples the slower one is marked (the earlier if equal).
 
     Args:
-        plan: `Plan`.
         velocity: (n, ne), along the friction coordinates.
     """
     stick = plan.sites.laws.stick_velocity

@@ -43,8 +43,7 @@ def _samples(
 ) -> tuple[TreeSamples, np.ndarray]:
     """Make the arrays of n samples, and of the wrenches at their sites.
 
-    They are parts of one large block, which gets huge pages and so few page faults. With separate
-    arrays the page faults cost more than the friction kernels.
+    They are parts of one large block: page faults of separate arrays cost more than the kernels.
     """
     n, nv, ns = len(velocity), scene.model.nv, len(scene.sites)
     shapes = [(n, nv)] * 3 + [(n, ns)] * 3 + [(n, ns, 6 if reacting else 0)]

@@ -72,8 +72,7 @@ def _move_freedoms(machine: Machine) -> None:
 def write_mass_matrix(machine: Machine) -> None:
     """Write M = S^T I S + armature.
 
-    `data.M` is not used, because `crba` assumes that joints are numbered depth first, which is not
-    always true for models made in Python.
+    `data.M` is wrong where joints are not numbered depth first.
     """
     t, M = machine.tree, machine.maps.M
     S, A = machine.kinematics.motion, machine.kinematics.momentum
@@ -173,7 +172,7 @@ def is_normalized(first: np.ndarray, count: np.ndarray, q: np.ndarray) -> bool:
 def is_exact(machine: Machine, q: np.ndarray) -> bool:
     """Whether q is normalized and obeys the loops closely; their gaps and rates are written.
 
-    To 1e-8 of a loop's size and speed; `closure.check_closed` says what is wrong with others.
+    To 1e-8 of a loop's size and speed.
     """
     t, k = machine.plan.closure, machine.kinematics
     if not is_normalized(machine.tree.unit_first, machine.tree.unit_count, q):
@@ -534,9 +533,8 @@ def _write_given(machine: Machine) -> None:
 def _add_drag(machine: Machine, step: float) -> None:
     """Let drag d act at the end of the step, d + c (v' - v): M + step D^T c D, given - D^T d.
 
-    c is the secant d/|v| or half the slope of drag, whichever is larger. The secant prevents drag
-    from reversing a motion. Half the slope makes speeds converge to the balance of drag and drive
-    at any step: near it a step multiplies an error by 1 - slope step / (M + c step).
+    c is the secant d/|v|, so that drag reverses no motion, or half its slope, so that speeds
+    converge to the balance of drag and drive at any step, whichever is larger.
     """
     M, drag, damping = machine.maps.M, machine.maps.drag, machine.maps.damping
     D, given = machine.kinematics.D, machine.scratch.given

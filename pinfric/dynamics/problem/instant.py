@@ -79,8 +79,8 @@ def _turn(machine: Machine, balls: bool) -> None:
 def accelerations_under_friction(machine: Machine, a: np.ndarray) -> None:
     """Write accelerations a (nv,) under the friction found.
 
-    At a sticking coordinate friction cancels all other efforts. Each of the n terms of such a sum
-    comes from m equations, so up to n m eps times their magnitudes is rounding, and is set to 0.
+    At a sticking coordinate friction cancels all other efforts; n terms of m equations leave a
+    rounding of n m eps times their magnitudes, which is set to 0.
     """
     a_map, m = machine.maps.acceleration, machine.modes
     x = m.friction

@@ -1,8 +1,7 @@
 """Tables and buffers of the kernels of forward dynamics: plan, Pinocchio's figures, results.
 
-Pinocchio stores poses, velocities and wrenches of all joints contiguously. Views of these arrays
-stay valid, so nothing is copied from one state to the next. If a build of Pinocchio has another
-memory layout, they are copied after every call.
+Poses, velocities and wrenches are views of Pinocchio's memory, or copied after every call where a
+build has another layout.
 """
 
 from __future__ import annotations

@@ -206,7 +206,6 @@ def make_plan(scene: Scene, motors: bool = False) -> Plan:
     """Number the parts of a scene for forward dynamics.
 
     Args:
-        scene: the robot with its friction and drives.
         motors: whether torques of motors are given, so that gears take part; else efforts.
     """
     rubs = scene.site_tables.laws.loaded & np.isin(
@@ -232,8 +231,8 @@ def make_plan(scene: Scene, motors: bool = False) -> Plan:
 def make_inverse_plan(scene: Scene) -> Plan:
     """Number the parts of a scene for inverse dynamics.
 
-    Each undriven coordinate gets an imaginary drive, after the scene's own drives. A possible
-    motion needs no effort of these. Each contact force loads its site.
+    Each undriven coordinate gets an imaginary drive, after the scene's own, of which a possible
+    motion needs no effort. Each contact force loads its site.
     """
     plan, undriven = make_plan(scene), np.array(scene.mobility.undriven, dtype=np.int64)
     site = scene.site_tables.contacts.site
@@ -257,7 +256,6 @@ def kept_plan(scene: Scene, asked: str) -> KernelArgument[Plan]:
     """Return a plan, made at first.
 
     Args:
-        scene: the robot with its friction and drives.
         asked: "inverse", or what forward dynamics is given: "effort" or "motor_torque".
     """
 
@@ -285,7 +283,7 @@ def drive_delivery(scene: Scene) -> np.ndarray:
 def _kept(scene: Scene, what: str, make: Callable[[], Made]) -> Made:
     """Return what is made once for a scene; it lives in the scene's twin.
 
-    Scenes that differ only in friction may share a twin; what is kept is of the last one used.
+    Of scenes that share a twin, the last one's.
     """
     pools, key = scene.twin().pools, ("plan", what)
     known, found = pools.get(key, (None, None))

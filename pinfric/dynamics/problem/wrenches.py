@@ -105,9 +105,8 @@ def share(
     """Choose the free part of y so that the sum of weight |given + along z|^2 is least; return how
     many ways that takes.
 
-    Redundant closures share reactions so, sum |F|^2 + |M/l|^2 over all joints, those of loops, too:
-    the choice does not depend on where a loop was cut. Redundant drives share work. It is again
-    affine in friction.
+    Redundant closures share reactions so, sum |F|^2 + |M/l|^2 over all joints, wherever a loop was
+    cut; redundant drives share work.
 
     Args:
         given, along: (m, columns), (m, nf) what is weighted, and its change with z.

@@ -1,11 +1,8 @@
 """Kernels of inverse dynamics on several threads: each thread takes a part of the samples.
 
-Pinocchio's batch holds Python's lock, so Python threads could not share a motion. numba's loops run
-in the same OpenMP as Pinocchio's and use its waiting threads. Each sample is computed as on one
-thread: results are the same to the last bit.
-
-OpenMP's threads do not survive a fork: a child process that uses several of them is ended or waits
-forever. So a process that was forked after its parent had used several threads works on one.
+numba's loops run in the same OpenMP as Pinocchio's batch. Results are the same to the last bit as
+on one thread. OpenMP's threads do not survive a fork, so a process that was forked after its parent
+had used several works on one.
 """
 
 from __future__ import annotations
@@ -54,10 +51,7 @@ _THREADS = _Threads()
 
 
 def threads_for(samples: int, threads: int | None) -> int:
-    """Choose Pinocchio's threads: one for small batches, all cores but one for large ones.
-
-    One in a process that was forked after its parent had used several.
-    """
+    """Choose Pinocchio's threads: one for small batches, all cores but one for large ones."""
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
     cores = cores or 1
     if threads is None:
@@ -130,10 +124,7 @@ def bound_in_parts(  # noqa: PLR0913 - one for each table
 def reversals_in_parts(
     parts: int, velocity: np.ndarray, stick_velocity: np.ndarray, marked: np.ndarray
 ) -> None:
-    """`motion_kernels.mark_reversals`; each part sees the first sample of the next one.
-
-    Two threads may mark the same sample: both write True.
-    """
+    """`motion_kernels.mark_reversals`; each part sees the first sample of the next one."""
     n = velocity.shape[0]
     for part in numba.prange(parts):
         i, j = part * n // parts, min((part + 1) * n // parts + 1, n)

@@ -1,10 +1,9 @@
 """Simulation with located events: the reference among the three methods.
 
-Within a phase no joint changes its mode, the motion is smooth and SciPy's Dormand-Prince 8(5,3)
-integrates it, at loose tolerances its 5(4). Guards are evaluated on their polynomials: the velocity
-of slipping joints, and the distance of sticking joints' friction from its static limits. At a
-located instant the modes are searched again, a guard that was just handled does not trigger again,
-and the integration restarts. What rests under constant efforts is not integrated.
+SciPy's Dormand-Prince 8(5,3), at loose tolerances its 5(4), integrates while no joint changes its
+mode. Guards are evaluated on their polynomials: the velocity of slipping joints, and the distance
+of sticking joints' friction from its static limits. At a located instant the modes are searched
+again, and the integration restarts. What rests under constant efforts is not integrated.
 """
 
 from __future__ import annotations

@@ -118,9 +118,8 @@ def simulate(
         q0, v0: (nq,), (nv,) at t = 0; a joint at or below its stick velocity starts at rest. None,
             both: the scene's own, `simulation.start`; only v0: at rest.
         effort: a function (t, q, v) -> (na,), constants (na,), (times, values), a mapping by drive
-            to numbers or functions, or None for the scene's own; see `efforts.make_effort`. Arrays
-            are in the order of `scene.actuator_names`. A function must be pure, for it is called at
-            times that also run back; a controller with a state needs `control_period`.
+            to numbers or functions, or None for the scene's own; see `efforts.make_effort`. A
+            function must be pure; a controller with a state needs `control_period`.
         t_end: s; None: the scene's own.
         method: `event`, `timestepping` or `regularized`.
         motor_torque: in place of `effort`, at the motors' shafts (N m), see `forward_dynamics`.
@@ -192,8 +191,6 @@ def simulate_constant(
     **numbers: Unpack[Numbers],
 ) -> Motion:
     """Return the motion under constant efforts, by located events, in a workspace of the caller's.
-
-    Of many short motions the workspace takes as long as the motion itself; see `simulate`.
 
     Args:
         ws: of the scene with the payloads `carried`; overwritten.

@@ -28,7 +28,6 @@ class Chart:
     described by the exponential around `base`, which moves along before it degenerates.
 
     Attributes:
-        model: the robot.
         base: (nq,) neutral but for the joints that are described around it.
         local: (n,) indices of xi that are rotations around `base`.
         plain: True where q is xi itself.
@@ -127,7 +126,7 @@ class System:
     def within(self, start: float, end: float, jumps: bool) -> None:
         """Evaluate efforts only at times inside (start, end) if there is a breakpoint.
 
-        At a breakpoint itself a function returns one of its two values, and it is unknown which.
+        At a breakpoint a function may return either of its two values.
 
         Args:
             start, end: s.

@@ -6,11 +6,10 @@ Moreau's midpoint scheme (Moreau 1988; Jean 1999):
 
 where x obeys the friction laws at the *end* of the step: a coordinate sticks if an x within the
 static limits brings it to v' = 0 exactly, else it slips against x. This is the problem of an
-instant with the next velocity in place of the acceleration. The method is of first order. It
-locates no events, is stable with friction at any step, and keeps sticking joints exactly at rest.
-Drag also acts at the end of the step (`accelerations._add_drag`). Efforts are taken at its middle:
-those that depend on q need a step below 2 / omega of the oscillation that they cause. Steps end
-where an effort or its slope jumps: in a step that contains a jump the middle would miss a part.
+instant with the next velocity in place of the acceleration. The method is of first order, stable
+with friction at any step, and keeps sticking joints exactly at rest. Drag also acts at the end of
+the step (`accelerations._add_drag`), efforts at its middle: those that depend on q need a step
+below 2 / omega of the oscillation that they cause. Steps end where an effort or its slope jumps.
 
 A step also ends at exactly zero velocity at a turning point where friction could absorb the rest of
 the velocity. This is a stop only if static friction holds the joint at that instant; otherwise the
