@@ -21,8 +21,9 @@ from typing import Annotated, Any
 
 import typer
 
-from pinfric import __version__, kernels
+from pinfric import __version__
 from pinfric.errors import PinfricError, PinfricWarning, plain, removed
+from pinfric.kernels import NOTICES
 from pinfric.model.inputs import command as running_command
 from pinfric.model.inputs import note_input, running
 from pinfric.terminal import (
@@ -126,7 +127,7 @@ def _options(
     ] = False,
 ) -> None:
     telling.update(quiet=quiet, verbose=verbose)
-    kernels.QUIET = quiet
+    NOTICES["compiling"] = not quiet
     if (command := running()) is not None:
         command.overwrite = overwrite
     if version:

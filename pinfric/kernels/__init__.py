@@ -8,5 +8,5 @@ compiling; `arrays` makes the buffers that they write.
 Gives: the same function, fast.
 """
 
-#: Whether nothing is said while they compile.
-QUIET = False
+#: Whether it is said that they compile.
+NOTICES: dict[str, bool] = {"compiling": True}

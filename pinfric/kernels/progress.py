@@ -17,7 +17,7 @@ from typing import Any
 from numba.core import event
 from numba.core.dispatcher import Dispatcher
 
-from pinfric import kernels
+from pinfric.kernels import NOTICES
 
 #: Seconds between two lines at most; on a terminal one line is drawn again after each `_TICK`.
 PERIOD, _TICK = 10.0, 1.0
@@ -82,23 +82,23 @@ class CompileProgress(event.Listener):
         return f"{said}, about {seconds * sum(left.values()) / self._done:.0f} s"
 
     def _watch(self) -> None:
-        said = time.monotonic()
+        last = time.monotonic()
         while True:
             time.sleep(_TICK)
             stream, width = sys.stderr, shutil.get_terminal_size().columns - 1
             with self._drawing:
-                if self._depth == 0 or kernels.QUIET:
+                if self._depth == 0 or not NOTICES["compiling"]:
                     continue
                 if stream.isatty() and stream is sys.__stderr__:
                     print(_CLEAR, self.line()[:width], sep="", end="", file=stream, flush=True)
                     self._drawn = True
-                elif time.monotonic() - said > PERIOD - _TICK:
+                elif time.monotonic() - last > PERIOD - _TICK:
                     _say(self.line())
-                    said = time.monotonic()
+                    last = time.monotonic()
 
 
 def _say(text: str) -> None:
-    if not kernels.QUIET:
+    if NOTICES["compiling"]:
         print(f"pinfric: {text}", file=sys.stderr, flush=True)
 
 

@@ -9,7 +9,7 @@ import sys
 import warnings
 from contextlib import suppress
 from pathlib import Path
-from types import ModuleType
+from types import ModuleType, SimpleNamespace
 
 import numba
 import pytest
@@ -208,8 +208,8 @@ def test_what_compiles_is_said_on_a_pipe(tmp_path):
 @pytest.mark.slow
 @pytest.mark.parametrize("quiet", [False, True])
 def test_what_compiles_is_drawn_on_a_terminal_and_goes(quiet, tmp_path):
-    code = f"from pinfric import kernels\nfrom pinfric.kernels import progress\n{KERNEL}"
-    before = f"progress._TICK, kernels.QUIET = 0.02, {quiet}\n\n@kernel"
+    code = f"from pinfric.kernels import progress\n{KERNEL}"
+    before = f"progress._TICK, progress.NOTICES['compiling'] = 0.02, {not quiet}\n\n@kernel"
     (tmp_path / "kernel_of_a_test.py").write_text(code.replace("@kernel", before))
     terminal, end = os.openpty()
     process = subprocess.Popen(
@@ -278,6 +278,7 @@ def test_the_package_asks_for_the_versions_that_are_tested():
 
 def test_what_is_left_to_compile_is_what_a_root_reaches_and_the_cache_lacks(monkeypatch):
     monkeypatch.setattr("pinfric.kernels.progress.event.register", lambda *_: None)
+    monkeypatch.setattr("pinfric.kernels.progress.time", SimpleNamespace(monotonic=lambda: 100.0))
     said = CompileProgress()
     said._watching = True
     names = {f"k{i}": numba.njit(lambda x: x) for i in range(7)}

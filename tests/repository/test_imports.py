@@ -127,9 +127,11 @@ def patched(tree):
                     yield f"{name}({first})"
 
 
-#: Modules looked up by a name: the package's own table; an extra that may not be installed.
+#: Modules looked up by a name: the package's own table; an extra that may not be installed. And
+#: the number that numba gives to a function next.
 LOOKED_UP = {
     "pinfric": ["import_module(_PUBLIC[name])"],
+    "pinfric.kernels.compiled": ["FunctionIdentity._unique_ids"],
     "pinfric.show.pages.page": ["import_module(module)"],
 }
 
