@@ -30,7 +30,8 @@ from scipy.linalg import null_space, orth
 from scipy.optimize import linprog, minimize
 
 if __name__ == "__main__":
-    sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+    TESTS = Path(__file__).resolve().parents[1]
+    sys.path[:0] = [str(TESTS), str(TESTS / "helpers")]
 from judges.every_line import Gear
 from judges.geared_states import constant_gear, plain_gear
 from judges.pin_chains import PinChain, random_chain
