@@ -232,20 +232,22 @@ class _Query:
 
         `found` are then the answers. See `rest.solve_modes`.
         """
-        self.found = []
-        solutions, obeying = solve_modes(self.problem, self.modes, self.mechanism)
-        if not self.modes.effort.size or (solutions >= 0 and is_certain(self.problem, self.modes)):
+        self.found, m = [], self.modes
+        solutions, obeying = solve_modes(self.problem, m, self.mechanism)
+        moves = not m.stuck[self.problem.gear_coordinate].all()
+        several = moves and m.figures[0] >= 1.0  # of those found some are off their lines
+        if not m.effort.size or (solutions >= 0 and not several and is_certain(self.problem, m)):
             return solutions, obeying
-        every, m, solved = choices(self.problem, self.modes), self.modes, list[Answer]()
+        every, solved = choices(self.problem, m), list[Answer]()
         self.count.unsure |= every is None
         for efforts, stable in every or ():
             m.effort[:] = efforts
             lines = lines_and_rows(self.problem, m)[0]
             solutions, obeying = solve_modes(self.problem, m, self.mechanism, chosen=True)
-            if solutions > 0:
+            if solutions > 0 and not any(_same(m, one.modes) for one in solved):
                 lasts = lasts_under_loads(self.problem, m, lines[:, 0])
                 solved.append(Answer(m.copy(), stable if lasts is None else lasts))
-                self.found += solved[-1:] * (obeying > 0)
+                self.found += solved[-1:] * obeying
         if solved:
             self._take(max(self.found or solved, key=lambda answer: answer.stable))
         return len(solved), len(self.found)
@@ -303,8 +305,8 @@ class _Query:
         for x in every.solutions:
             modes.friction[:] = x
             evaluate(problem, modes.friction, modes.load, modes.rate)
-            fit(problem, modes, lines, True)
-            if judge(problem, modes) == 0:
+            left, _ = fit(problem, modes, lines, True)
+            if judge(problem, modes) == 0 and not left:
                 obeying += 1
                 kept = modes.copy()
         modes.take(kept)
@@ -561,7 +563,7 @@ def _try_all(query: _Query, every: list[dict[int, float]]) -> tuple[Found, list[
         if solutions < 0:
             status = Found.NOT_CONVERGED
         answers = list(query.found)
-        if obeying > 1 and not answers:
+        if obeying > 1 and all(_same(answers[0].modes, one.modes) for one in answers):
             query.count.many = obeying, obeying
             return Found.AMBIGUOUS, []
         for answer in answers or [Answer(modes.copy())] * (obeying == 1):
