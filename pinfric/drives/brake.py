@@ -33,7 +33,6 @@ from pinfric.drives.policy import (
     STOP_TIME,
     UNSURE_BRAKE_FACTOR,
     Conditions,
-    goes_with,
     stated,
 )
 from pinfric.dynamics.forward.holds import holds
@@ -134,7 +133,7 @@ def standstills(
             own = own - drive.transmission.ratio**2 * inside
         motor = motors[i] if motors else ""
         inside = bool(integrated) and integrated[i]
-        fitting = ranked({name: b for name, b in brakes.items() if goes_with(b, motor, inside)})
+        fitting = ranked({name: b for name, b in brakes.items() if b.goes_with(motor, inside)})
         found.append(_standstill(result, still, i, own, fitting, conditions, there))
     return tuple(found)
 

@@ -217,13 +217,18 @@ class Motor(Rated):
     )
 
     @property
+    def frameless(self) -> bool:
+        """Whether it is a kit of rotor and stator, without shaft, bearings and housing."""
+        return self.mounting == "frameless"
+
+    @property
     def mass_taken(self) -> float | None:
         """Its mass, kg; where it is not printed 1.94 T^0.75 of a motor with a housing: heavy.
 
         Nine in ten of the 36 of the bundled catalogue whose mass is known are lighter.
         """
         torque = max(self.continuous_torque or 0.0, self.continuous_stall_torque or 0.0)
-        if self.mass is not None or self.mounting == "frameless" or not torque:
+        if self.mass is not None or self.frameless or not torque:
             return self.mass
         return 1.94 * torque**0.75
 
@@ -494,6 +499,16 @@ class Gear(Sourced):
         """All ratios this entry comes in."""
         return self.ratio if isinstance(self.ratio, tuple) else (self.ratio,)
 
+    def takes(self, name: str, motor: Motor) -> bool:
+        """Return whether a motor can be put before it, by what their makers say.
+
+        A frameless kit goes into a strain wave gear only, whose wave generator its rotor turns. A
+        gear that names its motors takes no other; else a motor with a shaft fits.
+        """
+        if motor.frameless and self.kind != "strain wave":
+            return False
+        return not self.motors or name.startswith(self.motors)
+
     def no_load(self) -> dict[str, Any]:
         """Return `no_load_torque` and `motor_viscous` of a transmission, as far as printed.
 
@@ -686,6 +701,17 @@ class Brake(HoldingBrake, Sourced):
         if self.rotor_inertia is not None:
             return self.rotor_inertia, self.rotor_inertia
         return 0.0, 2.2e-6 * self.torque**1.38
+
+    def goes_with(self, motor: str, integrated: bool = False) -> bool:
+        """Return whether it is sold alone, or in this motor; where nothing is said it is.
+
+        Args:
+            motor: its name, or that of a gearmotor (`integrated`), which has no shaft for a brake
+                that is sold alone.
+        """
+        if self.sold == "alone":
+            return not integrated
+        return self.sold is None or motor.startswith(self.sold)
 
     @property
     def holding(self) -> HoldingBrake:

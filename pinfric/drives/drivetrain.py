@@ -45,7 +45,6 @@ from pinfric.drives.policy import (
     MOST_PEAK,
     STALLED,
     Conditions,
-    frameless,
 )
 from pinfric.drives.rules import COMPUTED_CURVE, pull_out_torque
 from pinfric.drives.thermal import (
@@ -566,7 +565,7 @@ def motor_with_gear(
     transmission, text = gear_transmission(gear, ratio, inertia)
     own, rated = motor.mass_taken, ratings or ratings_of(motor)
     mass = None if own is None or gear.mass is None else own + gear.mass
-    kit = frameless(motor) and mass is not None
+    kit = motor.frameless and mass is not None
     return Candidate(
         name=drive_name(motor_name, gear_name, gear, ratio),
         motor=motor_name,

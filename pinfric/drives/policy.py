@@ -8,7 +8,7 @@ Nothing here looks at other candidates: what is chosen does not depend on what e
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 from pydantic import BeforeValidator, model_validator
@@ -16,9 +16,6 @@ from pydantic import BeforeValidator, model_validator
 from pinfric.errors import CatalogError, choose_from
 from pinfric.model.entry import Entry, NonNegative, Number, Positive, key, optional, parse
 from pinfric.model.schema import OTHERS as OTHERS
-
-if TYPE_CHECKING:
-    from pinfric.drives.catalog import Brake, Gear, GearMotor, Motor
 
 #: V DC, up to which a bus is extra-low voltage and takes any winding (IEC 60204-1, PELV).
 EXTRA_LOW_VOLTAGE = 60.0
@@ -302,92 +299,67 @@ def _short(value: float | str) -> str:
     return value if isinstance(value, str) else f"{value:g}"
 
 
-class Need(NamedTuple):
-    """A figure that must be known.
-
-    Attributes:
-        figure: in words, as its maker is asked for it.
-        keys: the entry's, in order of preference: a later one stands in for the first.
-    """
-
-    figure: str
-    keys: tuple[str, ...]
-
-
-_TORQUES = (
-    Need("repeated peak torque", ("repeated_peak_torque",)),
-    Need("momentary peak torque", ("momentary_peak_torque",)),
-    Need("limit for average torque", ("average_torque", "rated_torque")),
-)
-_OF_GEARS = (
-    Need("mass", ("mass",)),
-    Need("input inertia", ("input_inertia",)),
-    Need("efficiency", ("efficiency",)),
-)
-_SPEED = Need("maximum input speed", ("max_input_speed", "average_input_speed", "rated_speed"))
-_FASTEST = Need("largest speed", ("max_speed", "no_load_speed", "rated_speed"))
 #: Of a gear; in place of it a joint may have a bearing of its own, and behind a belt it must.
 BEARING, OWN_BEARING = "output bearing", "conditions.bearings"
-_STIFF, _BEARING = Need("stiffness", ("stiffness",)), Need(BEARING, ("bearing",))
-_OF_MOTORS = (
-    Need("mass", ("mass",)),
-    Need("rotor inertia", ("rotor_inertia",)),
-    Need("continuous torque", ("continuous_torque",)),
-    Need("peak torque", ("peak_torque", "stall_torque")),
-    _FASTEST,
-)
-#: Kind -> what must be known of it.
-NEEDS: dict[str, tuple[Need, ...]] = {
+_OF_GEARS = {"mass": "mass", "input inertia": "input_inertia", "efficiency": "efficiency"}
+_OUTPUT = {"stiffness": "stiffness", BEARING: "bearing"}
+_ROTOR = {"mass": "mass", "rotor inertia": "rotor_inertia"}
+_OF_MOTORS = {
+    **_ROTOR,
+    "continuous torque": "continuous_torque",
+    "peak torque": "peak_torque stall_torque",
+    "largest speed": "max_speed no_load_speed rated_speed",
+}
+#: Kind -> what must be known of it: a figure in words, as its maker is asked for it, and the
+#: entry's keys in order of preference, of which a later one stands in for the first.
+NEEDS: dict[str, dict[str, str]] = {
     "motor": _OF_MOTORS,
-    "stepper": _OF_MOTORS[:2],
-    "strain wave": (
-        *_OF_GEARS,
-        *_TORQUES,
-        Need(_SPEED.figure, ("max_input_speed", "average_input_speed")),
-        Need("limit for average input speed", ("average_input_speed",)),
-        _STIFF,
-        _BEARING,
-    ),
-    "other gear": (*_OF_GEARS, Need("rated torque", ("rated_torque",)), _SPEED, _STIFF, _BEARING),
-    "linear": (
-        *_OF_GEARS,
-        Need("permissible force", ("rated_torque", "repeated_peak_torque", "bearing", "nut")),
-        Need(_SPEED.figure, (*_SPEED.keys, "screw")),
-        Need("stroke", ("stroke", "screw")),
-    ),
-    "gearmotor": (
-        *_OF_MOTORS[:2],
-        Need("continuous torque", ("continuous_torque", "stall_torque")),
-        *_OF_MOTORS[3:],
-        _STIFF,
-        _BEARING,
-    ),
-    "linear motor": (
-        Need("mass", ("mass",)),
-        Need("moving mass", ("rotor_inertia",)),
-        Need("continuous force", ("continuous_torque",)),
-        Need("peak force", ("peak_torque", "stall_torque")),
-        _FASTEST,
-    ),
+    "stepper": _ROTOR,
+    "strain wave": {
+        **_OF_GEARS,
+        "repeated peak torque": "repeated_peak_torque",
+        "momentary peak torque": "momentary_peak_torque",
+        "limit for average torque": "average_torque rated_torque",
+        "maximum input speed": "max_input_speed average_input_speed",
+        "limit for average input speed": "average_input_speed",
+        **_OUTPUT,
+    },
+    "other gear": {
+        **_OF_GEARS,
+        "rated torque": "rated_torque",
+        "maximum input speed": "max_input_speed average_input_speed rated_speed",
+        **_OUTPUT,
+    },
+    "linear": {
+        **_OF_GEARS,
+        "permissible force": "rated_torque repeated_peak_torque bearing nut",
+        "maximum input speed": "max_input_speed average_input_speed rated_speed screw",
+        "stroke": "stroke screw",
+    },
+    "gearmotor": {**_OF_MOTORS, "continuous torque": "continuous_torque stall_torque", **_OUTPUT},
+    "linear motor": {
+        "mass": "mass",
+        "moving mass": "rotor_inertia",
+        "continuous force": "continuous_torque",
+        "peak force": "peak_torque stall_torque",
+        "largest speed": "max_speed no_load_speed rated_speed",
+    },
 }
 #: What stands in for a figure that is not printed: of gears other than strain wave ones (T2N, T2B:
 #: rated and repeated peak torque), and of all gears for speeds.
-STAND_INS: dict[str, tuple[str, ...]] = {
-    "average_torque": ("average_torque", "rated_torque"),
-    "repeated_peak_torque": (
-        *("repeated_peak_torque", "repeated_by_rating", "average_torque", "rated_torque"),
-    ),
-    "momentary_peak_torque": (
-        *("momentary_peak_torque", "momentary_by_rating", "repeated_peak_torque"),
-        *("average_torque", "rated_torque"),
-    ),
-    "max_input_speed": ("max_input_speed", "average_input_speed", "rated_speed"),
-    "average_input_speed": ("average_input_speed", "rated_speed"),
-    "peak_torque": ("peak_torque", "peak_by_stall"),
-    "max_speed": ("max_speed", "no_load_speed", "rated_speed"),
+STAND_INS = {
+    words.split()[0]: tuple(words.split())
+    for words in (
+        "average_torque rated_torque",
+        "repeated_peak_torque repeated_by_rating average_torque rated_torque",
+        "momentary_peak_torque momentary_by_rating repeated_peak_torque average_torque "
+        "rated_torque",
+        "max_input_speed average_input_speed rated_speed",
+        "average_input_speed rated_speed",
+        "peak_torque peak_by_stall",
+        "max_speed no_load_speed rated_speed",
+    )
 }
-
-
 #: How that is said; of others, that no higher limit is known.
 STAND_IN_WORDS = {
     "peak_by_stall": f"the stall torque, at most {MOST_PEAK:g} x the continuous torque, by rule; "
@@ -397,7 +369,7 @@ STAND_IN_WORDS = {
 }
 
 
-def kind_of(entry: Gear | GearMotor, gearmotor: bool = False) -> str:
+def kind_of(entry: Any, gearmotor: bool = False) -> str:
     """Return the list of `NEEDS` that a gear or gearmotor is held against."""
     if entry.output == "linear":
         return "linear motor" if gearmotor else "linear"
@@ -413,9 +385,9 @@ def lacks(kind: str, entry: Any) -> tuple[str, ...]:
         kind: of `NEEDS`. entry: has the keys of the list; of motors `drivetrain.Ratings` do.
     """
     return tuple(
-        need.figure
-        for need in NEEDS[kind]
-        if all(getattr(entry, name, None) is None for name in need.keys)
+        figure
+        for figure, keys in NEEDS[kind].items()
+        if all(getattr(entry, key, None) is None for key in keys.split())
     )
 
 
@@ -450,34 +422,3 @@ def outside(kind: str, conditions: Conditions, rated: float = -np.inf) -> tuple[
     if ambient < given.low:
         return (f"ratings at {ambient:g} C (makers rate from {given.low:g} C on: {given.source})",)
     return ()
-
-
-def frameless(motor: Motor) -> bool:
-    """Return whether a motor is a kit of rotor and stator, without shaft, bearings and housing."""
-    return motor.mounting == "frameless"
-
-
-def fits(name: str, motor: Motor, gear: Gear) -> bool:
-    """Return whether a motor can be put before a gear, by what their makers say.
-
-    A frameless kit goes into a strain wave gear only, whose wave generator its rotor turns. A gear
-    that names its motors takes no other; where nothing is said a motor with a shaft fits.
-
-    Args:
-        name: of the motor. motor, gear: their entries.
-    """
-    if frameless(motor) and gear.kind != "strain wave":
-        return False
-    return not gear.motors or name.startswith(gear.motors)
-
-
-def goes_with(brake: Brake, motor_name: str, integrated: bool = False) -> bool:
-    """Return whether a brake is sold alone, or in this motor; where nothing is said it is.
-
-    Args:
-        brake: its entry. motor_name: of the motor, or of a gearmotor.
-        integrated: it is one of these, which has no shaft for a brake that is sold alone.
-    """
-    if brake.sold == "alone":
-        return not integrated
-    return brake.sold is None or motor_name.startswith(brake.sold)

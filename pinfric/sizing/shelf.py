@@ -54,9 +54,6 @@ from pinfric.drives.policy import (
     KIT,
     STAND_INS,
     Conditions,
-    fits,
-    frameless,
-    goes_with,
     kind_of,
     lacks,
     outside,
@@ -306,8 +303,8 @@ class Shelf:
                 block.kin = np.array([number_of[words] for words in kin])
 
     def brakes_for(self, motor: str, integrated: bool = False) -> dict[str, Brake]:
-        """Return the brakes that go with this motor (`policy.goes_with`), the smallest first."""
-        return {n: brake for n, brake in self.brakes.items() if goes_with(brake, motor, integrated)}
+        """Return the brakes that go with this motor, the smallest first."""
+        return {n: brake for n, brake in self.brakes.items() if brake.goes_with(motor, integrated)}
 
     def worst_efficiency(self, kind: str) -> float | None:
         """Return the worst known efficiency of a kind of gears; None: none is known."""
@@ -344,7 +341,7 @@ def _of_gears(
     best = [_at_best(entry) for entry in entries]
     own = columns(best, ("mass", "input_inertia"))
     of_motors = columns(listed, ("mass_taken", "rotor_inertia"))
-    kit = np.array([frameless(motor) for motor in listed])
+    kit = np.array([motor.frameless for motor in listed])
     blank = Motor.model_construct(source="", grade="R", rotor_inertia=0.0)
     cache: dict[tuple[str, tuple[str, ...]], np.ndarray] = {}
 
@@ -352,7 +349,7 @@ def _of_gears(
         key = entry.kind, entry.motors
         if key not in cache:
             pairs = zip(names, listed, strict=True)
-            cache[key] = np.array([fits(name, motor, entry) for name, motor in pairs])
+            cache[key] = np.array([entry.takes(name, motor) for name, motor in pairs])
         return cache[key]
 
     return _Block(

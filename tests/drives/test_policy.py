@@ -12,8 +12,6 @@ from pinfric.drives.criterion import Status
 from pinfric.drives.policy import (
     NEEDS,
     Conditions,
-    fits,
-    goes_with,
     kind_of,
     lacks,
 )
@@ -163,19 +161,19 @@ def test_what_fits_what():
     wave = Gear(**sourced, ratio=100.0, kind="strain wave")
     planet = Gear(**sourced, ratio=10.0, kind="planetary")
     own = Gear(**sourced, ratio=10.0, kind="planetary", motors=("maxon",))
-    assert [fits("K", kit, gear) for gear in (wave, planet, own)] == [True, False, False]
-    assert [fits("S", shaft, gear) for gear in (wave, planet, own)] == [True, True, False]
-    assert fits("maxon EC", shaft, own)
+    assert [gear.takes("K", kit) for gear in (wave, planet, own)] == [True, False, False]
+    assert [gear.takes("S", shaft) for gear in (wave, planet, own)] == [True, True, False]
+    assert own.takes("maxon EC", shaft)
     inside = Brake(**sourced, torque=1.0, sold="Siemens 1FK2")
-    assert [goes_with(inside, name) for name in ("", "Siemens 1FK2-03", "M")] == [
+    assert [inside.goes_with(name) for name in ("", "Siemens 1FK2-03", "M")] == [
         False,
         True,
         False,
     ]
     alone = Brake(**sourced, torque=1.0, sold="alone")
-    assert goes_with(alone, "M")
-    assert not goes_with(alone, "A", integrated=True)  # a gearmotor has no shaft for it
-    assert goes_with(inside, "Siemens 1FK2-03", integrated=True)
+    assert alone.goes_with("M")
+    assert not alone.goes_with("A", integrated=True)  # a gearmotor has no shaft for it
+    assert inside.goes_with("Siemens 1FK2-03", integrated=True)
 
 
 def test_a_frameless_kit_weighs_a_quarter_more(tmp_path):

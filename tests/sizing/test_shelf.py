@@ -30,7 +30,7 @@ from pinfric.drives.catalog_file import load_catalog
 from pinfric.drives.criterion import Status
 from pinfric.drives.drivetrain import Ratings, motor_cycle, motor_with_gear, with_brake
 from pinfric.drives.limits import check
-from pinfric.drives.policy import NEEDS, fits, kind_of, lacks
+from pinfric.drives.policy import NEEDS, kind_of, lacks
 from pinfric.sizing.shelf import Parts, Search, Shelf, rank
 from pinfric.sizing.size import _Sizing
 
@@ -67,7 +67,7 @@ def test_the_choice_is_that_of_a_search_over_all_drives(arm):
                 motor = catalog.motors[m]
                 made = motor_with_gear(m, motor, g, gear, gear.ratios[0])
                 known = None not in (made.mass, motor.rotor_inertia, made.ratings.continuous_torque)
-                if not fits(m, motor, gear) or not known:
+                if not gear.takes(m, motor) or not known:
                     continue
                 needed = joint.search.holding_torque(made)
                 for name, brake in joint.search.shelf.brakes.items() if needed else ():
@@ -132,7 +132,7 @@ def test_brakes_inside_motors_and_weak_ones_leave_the_lightest_drive(arm, inner)
         for g, gear in gears.items():
             for m, motor in motors.items():
                 made = motor_with_gear(m, motor, g, gear, gear.ratios[0])
-                if not fits(m, motor, gear) or made.transmission is None or made.mass is None:
+                if not gear.takes(m, motor) or made.transmission is None or made.mass is None:
                     continue
                 made = braked_by_hand(made, case, brakes)
                 if made.mass > mine.mass:
@@ -187,7 +187,8 @@ def test_what_is_asked_for_would_be_lighter_with_some_figures(arm):
             continue
         (kind,) = [k for k in ("gears", "motors", "gearmotors") if ask.name in getattr(catalog, k)]
         entry, shelf = getattr(catalog, kind)[ask.name], joint.search.shelf
-        keys = [n.keys[0] for need in NEEDS.values() for n in need if n.figure in ask.figures]
+        needs = (need for own in NEEDS.values() for need in own.items())
+        keys = [keys.split()[0] for figure, keys in needs if figure in ask.figures]
         lacking = [k for k in keys if getattr(entry, k, 0) is None]
         best = {k: BEST[k] for k in lacking if k in BEST}
         rotors = [k for k in lacking if k not in BEST]

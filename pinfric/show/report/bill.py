@@ -8,7 +8,7 @@ from collections.abc import Iterator
 
 from pinfric.drives.brake import Standstill
 from pinfric.drives.catalog import Catalog, Sourced
-from pinfric.drives.policy import KIT, frameless
+from pinfric.drives.policy import KIT
 from pinfric.sizing.size import JointSizing, SizingReport
 from pinfric.sizing.verdict import State
 
@@ -90,7 +90,7 @@ def _parts(
         yield drive.motor, motor
         ratio = f", i = {drive.ratio:g}" if len(gear.ratios) > 1 else ""
         yield drive.gear_name + ratio, gear
-        if frameless(motor) and motor.mass is not None and gear.mass is not None:
+        if motor.frameless and motor.mass is not None and gear.mass is not None:
             yield f"housing, shaft, bearings: {drive.name}", KIT * (motor.mass + gear.mass)
     if still.brake and still.fitted:
         yield still.brake, catalog.brakes[still.brake]
