@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 
 from pinfric.drives.brake import Stop, braking_torques, smallest_brake
-from pinfric.drives.catalog import Brake, Catalog, Gear, GearMotor, Motor, Stepper
+from pinfric.drives.catalog import Brake, Catalog, Gear, GearMotor, Motor
 from pinfric.drives.criterion import STEPS, Criterion, Status
 from pinfric.drives.demand import largest, mean
 from pinfric.drives.drivetrain import (
@@ -195,10 +195,8 @@ class _Block:
         gear, motor: figures; gears (ng, 1), motors (nm,), of gearmotors both (ng, 1).
         ratio: (ng, 1). inertia, mass: (ng, nm). heat: continuous torques at the ambient.
         fits: (ng, nm) the two go together. names: of gears. gear_lacks, motor_lacks: figures.
-        sources: of gears. motor_sources: of motors.
         entries: of gears or gearmotors. motors: of motors.
-        make: drive of a gear and a motor by their numbers. linear, at_output: of all.
-        steppers: of motors that are steppers, by their numbers.
+        make: drive of a gear and a motor by their numbers. at_output: of all.
         kin: of each motor, those of the same number go with the same `brakes` (`Shelf.brakes_for`).
     """
 
@@ -210,20 +208,21 @@ class _Block:
     heat: np.ndarray
     fits: np.ndarray
     names: list[str]
-    motor_names: list[str]
     gear_lacks: list[tuple[str, ...]]
-    motor_lacks: list[tuple[str, ...]]
-    sources: list[str]
-    motor_sources: list[str]
     entries: list[Gear] | list[GearMotor]
-    motors: list[Motor]
     make: Callable[[int, int], Candidate]
     bare: Callable[[int], Candidate]
-    linear: bool
     at_output: bool
-    steppers: Mapping[int, Stepper] = field(default_factory=dict)
+    motor_names: Sequence[str] = ("",)
+    motor_lacks: Sequence[tuple[str, ...]] = ((),)
+    motors: Sequence[Motor] = ()
     kin: np.ndarray = field(default_factory=lambda: np.zeros(1, dtype=np.int64))
     brakes: list[dict[str, Brake]] = field(default_factory=list)
+
+    @cached_property
+    def signable(self) -> np.ndarray:
+        """(nm,) of which motors every figure is known."""
+        return np.array([not lacking for lacking in self.motor_lacks])
 
     @cached_property
     def by_name(self) -> np.ndarray:
@@ -285,9 +284,9 @@ class Shelf:
         alone = [(n, g) for n, g in catalog.gearmotors.items() if (g.output == "linear") == linear]
         self.blocks = []
         if gears and catalog.motors:
-            self.blocks.append(_of_gears(gears, catalog.motors, conditions, linear))
+            self.blocks.append(_of_gears(gears, catalog.motors, conditions))
         if alone:
-            self.blocks.append(_of_gearmotors(alone, conditions, linear))
+            self.blocks.append(_of_gearmotors(alone, conditions))
         inside = tuple({str(brake.sold) for brake in brakes.values()} - {"None", "alone"})
         for block in self.blocks:
             names = block.names if block.at_output else block.motor_names
@@ -330,7 +329,6 @@ def _of_gears(
     gears: list[tuple[str, Gear, float]],
     motors: Mapping[str, Motor],
     conditions: Conditions,
-    linear: bool,
 ) -> _Block:
     entries, names = [gear for _, gear, _ in gears], list(motors)
     ratings = [ratings_of(motor) for motor in motors.values()]
@@ -374,15 +372,11 @@ def _of_gears(
             )
             for m, r in zip(listed, ratings, strict=True)
         ],
-        sources=[entry.source for entry in entries],
-        motor_sources=[motor.source for motor in listed],
         entries=entries,
         motors=listed,
         make=lambda g, m: motor_with_gear(names[m], listed[m], *gears[g], ratings[m]),
         bare=lambda g: motor_with_gear("", blank, gears[g][0], best[g], gears[g][2], Ratings()),
-        linear=linear,
         at_output=False,
-        steppers={k: m.stepper for k, m in enumerate(listed) if m.stepper is not None},
     )
 
 
@@ -404,9 +398,7 @@ def _with_rotor(entry: GearMotor) -> GearMotor:
     return entry if known else entry.model_copy(update={"rotor_inertia": 1e-12})
 
 
-def _of_gearmotors(
-    alone: list[tuple[str, GearMotor]], conditions: Conditions, linear: bool
-) -> _Block:
+def _of_gearmotors(alone: list[tuple[str, GearMotor]], conditions: Conditions) -> _Block:
     entries = [entry for _, entry in alone]
     ratings = [ratings_of(entry) for entry in entries]
     own = columns(entries, ("mass", "rotor_inertia", "ratio"))
@@ -423,7 +415,6 @@ def _of_gearmotors(
         heat=np.array([_heat(r, conditions) for r in ratings])[:, None],
         fits=np.ones((len(alone), 1), dtype=bool),
         names=[name for name, _ in alone],
-        motor_names=[""],
         gear_lacks=[
             (
                 *lacks(kind_of(entry, gearmotor=True), entry),
@@ -431,14 +422,9 @@ def _of_gearmotors(
             )
             for entry, r in zip(entries, ratings, strict=True)
         ],
-        motor_lacks=[()],
-        sources=[entry.source for entry in entries],
-        motor_sources=[""],
         entries=entries,
-        motors=[],
         make=lambda g, _: gearmotor_drive(*alone[g]),
         bare=lambda g: gearmotor_drive(alone[g][0], _with_rotor(entries[g])),
-        linear=linear,
         at_output=True,
     )
 
@@ -494,7 +480,7 @@ class Search:
         nan = np.nan
         d = Drives(
             self.case, block.gear, block.motor, blank, block.ratio, nan, nan,
-            block.at_output, block.linear,
+            block.at_output, self.shelf.linear,
         )  # fmt: skip
         least = np.full((len(block.names), 1), np.inf)
         for limit in LIMITS:
@@ -616,7 +602,7 @@ class Search:
             )
             d = Drives(
                 self.case, gear, motor, asked, block.ratio[gears], J, heat,
-                block.at_output, block.linear,
+                block.at_output, self.shelf.linear,
             )  # fmt: skip
             least = np.broadcast_to(own, J.shape).copy()
             for limit in LIMITS:
@@ -633,7 +619,9 @@ class Search:
         """(n, nm) bounds of the shares of pull-out torques that samples take; NaN: no stepper."""
         found = np.full(ends[0][0].shape, np.nan)
         bus, slow = self.case.conditions.bus_voltage, self.case.cycle.stick_velocity
-        for m, stepper in block.steppers.items():
+        for m, motor in enumerate(block.motors):
+            if (stepper := motor.stepper) is None:
+                continue
             held = stepper.standstill_current * stepper.holding_torque
             for middle, half, speed in ends:
                 most = pull_out_torque(stepper, speed[:, 0], bus)
@@ -653,9 +641,8 @@ class Search:
         The lightest first; of the margin an upper bound, of equal masses the greatest first.
         """
         gears: list[tuple[float, int, int]] = []
-        signable = [np.array([not x for x in block.motor_lacks]) for block in self.shelf.blocks]
         for b, block in enumerate(self.shelf.blocks):
-            mass = np.where(block.fits & signable[b], block.mass, np.nan)
+            mass = np.where(block.fits & block.signable, block.mass, np.nan)
             left = np.isfinite(mass).any(axis=1) & (self.gear_margins[b] >= 0)
             for g in np.flatnonzero(left).tolist():
                 if not self.gear_lacks(block, g):
@@ -664,7 +651,7 @@ class Search:
         ready: list[tuple[float, float, str, int, int, int, Iterator[Any]]] = []
         for k, (_, b, g) in enumerate(gears):
             if self._row(b, g).margin >= 0:
-                own = self._of_one(b, g, signable[b])
+                own = self._of_one(b, g)
                 ready += [(*first, own) for first in [next(own, None)] if first]
                 heapq.heapify(ready)
             horizon = gears[k + 1][0] if k + 1 < len(gears) else np.inf
@@ -676,13 +663,11 @@ class Search:
                     heapq.heappop(ready)
                 yield lightest, -short, where[0], where[1], where[2]
 
-    def _of_one(
-        self, b: int, g: int, signable: np.ndarray
-    ) -> Iterator[tuple[float, float, str, int, int, int]]:
+    def _of_one(self, b: int, g: int) -> Iterator[tuple[float, float, str, int, int, int]]:
         """Yield mass, minus margin and name of a gear with motors, and their numbers, in order."""
         block, (least, mass) = self.shelf.blocks[b], self.margins(b, np.array([g]))
         short, mass = -np.minimum(least[0], self.gear_margins[b][g]), mass[0]
-        able = block.fits[g] & signable & np.isfinite(mass) & (mass <= self.parts.most)
+        able = block.fits[g] & block.signable & np.isfinite(mass) & (mass <= self.parts.most)
         ok = np.flatnonzero((least[0] >= 0) & able)
         for m in ok[np.lexsort((block.by_name[ok], short[ok], mass[ok]))].tolist():
             name = f"{block.motor_names[m]} {block.names[g]}"
@@ -775,8 +760,7 @@ class Search:
         options: list[tuple[float, float, int, int, int]] = []
         for b, block in enumerate(self.shelf.blocks):
             known = [g for g in range(len(block.names)) if not self.gear_lacks(block, g)]
-            signable = np.array([not figures for figures in block.motor_lacks])
-            step = max(1, _MOST // max(len(signable), 1))
+            step = max(1, _MOST // max(len(block.signable), 1))
             for k in range(0, len(known), step):
                 gears = np.array(known[k : k + step])
                 gears = gears[self.gear_margins[b][gears] > worst]
@@ -784,7 +768,7 @@ class Search:
                     continue
                 least, mass = self.margins(b, gears)
                 least = np.fmin(least, self.gear_margins[b][gears][:, None])
-                ok = (least > worst) & block.fits[gears] & signable & (mass < below)
+                ok = (least > worst) & block.fits[gears] & block.signable & (mass < below)
                 rows, motors = np.nonzero(ok)
                 options += zip(
                     (-least[rows, motors]).tolist(), mass[rows, motors].tolist(),
@@ -810,7 +794,6 @@ class Search:
         """
         found: dict[str, Ask] = {}
         for b, block in enumerate(self.shelf.blocks):
-            signable = np.array([not lacking for lacking in block.motor_lacks])
             for g, name in enumerate(block.names):
                 figures = self.gear_lacks(block, g)
                 if not figures or self.gear_margins[b][g] < 0:
@@ -819,13 +802,13 @@ class Search:
                 if self._of_entry(bare) < 0:
                     continue
                 least, masses = (x[0] for x in self.margins(b, np.array([g])))  # NaN: not known
-                might = block.fits[g] & signable & ~(least < 0) & ~(masses >= below)
+                might = block.fits[g] & block.signable & ~(least < 0) & ~(masses >= below)
                 if not might.any():
                     continue
                 known = masses[might & np.isfinite(masses)]
                 mass = float(known.min()) if len(known) else None
                 kind = getattr(block.entries[g], "kind", "")
-                found.setdefault(name, Ask(name, figures, mass, block.sources[g], kind))
+                found.setdefault(name, Ask(name, figures, mass, block.entries[g].source, kind))
             if block.at_output:
                 continue
             known = [g for g in range(len(block.names)) if not self.gear_lacks(block, g)]
@@ -839,7 +822,7 @@ class Search:
             for m in np.flatnonzero(might):
                 if figures := block.motor_lacks[m]:
                     name = block.motor_names[m]
-                    found.setdefault(name, Ask(name, figures, None, block.motor_sources[m]))
+                    found.setdefault(name, Ask(name, figures, None, block.motors[m].source))
         return tuple(sorted(found.values(), key=lambda a: (len(a.figures), a.mass or 0.0, a.name)))
 
 
