@@ -55,10 +55,8 @@ from pinfric.terminal import (
 #: Ctrl-C. (`terminal.NO_READER`: the reader of our output left.)
 BAD_INPUT, INTERNAL_ERROR, INTERRUPTED = 2, 70, 130
 
-#: Files that a command writes with --out, by name.
-Files = dict[str, Callable[[Path], object]]
-#: What `size --out` writes where drives are chosen.
-CHOSEN = "bom.csv", "sized.scene.yaml", "sized.urdf", "motors.yaml"
+#: Files that a command writes with --out, by name, as `model.files.Writer`.
+Files = dict[str, str | Callable[[Path], object]]
 
 app = typer.Typer(
     name="pinfric",
@@ -298,33 +296,33 @@ def size(
     same robot in a scene with another gravity; each joint gets what bears the hardest. Before
     there is a cycle: --rating payload=10 (kg), held and lifted in the worst posture of each joint.
     """
-    by_scene = _by_scene(_cycles(trajectory_name, cycle, rating is not None))
-    given = by_scene.pop("")
+    from pinfric.sizing.files import CHOSEN, sized_files
+
+    by_scene = _cycles(trajectory_name, cycle, rating is not None)
     names = "sizing.json", "report.html", *CHOSEN
-    first, later = (given[0][0] if given else None), [name for name, _ in given[1:]]
-    others = [*by_scene, *(name for cycles in by_scene.values() for name, _ in cycles)]
-    scene, trajectory = load(scene_name, first, log, out, names, [*later, *others, catalog])
-    cycles = [trajectory] if given else []
-    cycles += [load_motion_of(scene, name, log) for name in later]
+    others = [*by_scene, *(file for own in by_scene.values() for file, _ in own), catalog]
+    scene, _ = load(scene_name, out=out, names=names, later=others)
+
+    def motions(scene: Any, cycles: list[tuple[str, float]]) -> tuple[tuple[Any, float], ...]:
+        return tuple((load_motion_of(scene, file, log), share) for file, share in cycles)
+
+    weighed = motions(scene, by_scene.pop(""))
     question_loads(scene)
     from pinfric.drives.duty import Duty
     from pinfric.model.csv_text import number_of
     from pinfric.show.pages.sizing import sizing_page
     from pinfric.show.report.bill import bill_of_materials
     from pinfric.show.report.sizing import sizing_report, verdict
-    from pinfric.sizing.files import sized_files
     from pinfric.sizing.size import size as size_drives
     from pinfric.sizing.summary import sizing_summary
 
-    if not given and (on, period) != (1.0, 600.0):
+    if not weighed and (on, period) != (1.0, 600.0):
         raise typer.BadParameter("belongs to cycles; there is only a rating", param_hint="--on")
-    elsewhere = []
-    for name, turned in by_scene.items():
-        other, _ = load(name)
-        there = [(load_motion_of(other, file, log), share) for file, share in turned]
-        elsewhere.append((other, Duty(tuple(there), on, period)))
-    weighed = tuple((c, share) for c, (_, share) in zip(cycles, given, strict=True))
-    duty = Duty(weighed, on, period, elsewhere=tuple(elsewhere)) if weighed else None
+    elsewhere = tuple(
+        (other := load(name)[0], Duty(motions(other, own), on, period))
+        for name, own in by_scene.items()
+    )
+    duty = Duty(weighed, on, period, elsewhere=elsewhere) if weighed else None
 
     def number_or_name(text: str) -> float | str:
         try:
@@ -344,7 +342,7 @@ def size(
     page = partial(sizing_page, report, shlex.join(["pinfric", *typed]), inputs())
     files: Files = {"report.html": lambda path: path.write_text(page(), encoding="utf-8")}
     if bill := bill_of_materials(report):
-        files["bom.csv"] = lambda path: path.write_text(bill, encoding="utf-8")
+        files["bom.csv"] = bill
     if out is not None:
         files |= sized_files(report, out)
     show_it = partial(sizing_report, report, telling["verbose"], out is not None)
@@ -365,22 +363,20 @@ def size(
 
 def _cycles(
     trajectory_name: str | None, cycle: list[str] | None, rated: bool
-) -> list[tuple[str, float]]:
-    """The cycles of a duty, each with its share or count; beside a rating there may be none."""
+) -> dict[str, list[tuple[str, float]]]:
+    """The cycles of each scene that is named before their file, SCENE:FILE; "": SCENE's own.
+
+    Each with its share or count; beside a rating there may be none.
+    """
     given = [weighted(text) for text in cycle or ()]
-    alone = trajectory_name is None and not given and rated
-    if (trajectory_name is None) != bool(given) and not alone:
+    alone = [] if trajectory_name is None else [(trajectory_name, 1.0)]
+    if bool(given) == bool(alone) and (given or not rated):
         raise typer.BadParameter(
             "give one TRAJECTORY after SCENE, --cycle for each of several, or --rating payload=KG",
             param_hint="--cycle",
         )
-    return given or ([] if trajectory_name is None else [(trajectory_name, 1.0)])
-
-
-def _by_scene(given: list[tuple[str, float]]) -> dict[str, list[tuple[str, float]]]:
-    """The cycles of each scene that is named before their file, SCENE:FILE; "": SCENE's own."""
     found: dict[str, list[tuple[str, float]]] = {"": []}
-    for name, share in given:
+    for name, share in given or alone:
         scene, colon, file = name.partition(":")
         there = colon and scene.lower().endswith((".yaml", ".yml"))
         found.setdefault(scene if there else "", []).append((file if there else name, share))

@@ -12,7 +12,6 @@ import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -309,13 +308,7 @@ def write_new(
         f"{kind}.schema.json": json.dumps(json_schema(kind), indent=1) + "\n"
         for kind in ("scene", "waypoints")
     }
-    write_folder(
-        folder,
-        {
-            file: partial(Path.write_text, data=text, encoding="utf-8")
-            for file, text in {**schemas, **contents}.items()
-        },
-    )
+    write_folder(folder, schemas | contents)
     return [folder / file for file in contents]
 
 

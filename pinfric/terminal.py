@@ -279,14 +279,11 @@ def answer(
     if out is not None:
         from pinfric.model.files import write_folder
 
-        def write_summary(path: Path) -> None:
-            path.write_text(as_text(summary), encoding="utf-8")
-
         if "report.html" in (files := dict(files or {})) and find_spec("jinja2") is None:
             del files["report.html"]
             say("report.html is left out: it needs jinja2: pip install 'pinfric[report]'")
         with working(f"writing {out}"):
-            made = {**files, name: write_summary}
+            made = {**files, name: as_text(summary)}
             written = write_folder(out, made, [other for other in outdated if other not in made])
         say(f"wrote {', '.join(map(str, written))}")
     if as_json:

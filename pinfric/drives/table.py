@@ -206,9 +206,7 @@ def write_catalog(content: dict[str, Any], path: str | Path, origin: str = "") -
         PinfricError: it cannot be written.
     """
     head = f"# Imported from {origin}: SI units.\n" if origin else ""
-    return write_file(
-        path, lambda file: file.write_text(head + yaml_text(content), encoding="utf-8")
-    )
+    return write_file(path, head + yaml_text(content))
 
 
 def _decimal_mark(path: Path, delimiter: str, texts: Iterable[str]) -> str:

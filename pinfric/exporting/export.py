@@ -163,16 +163,12 @@ class Exported(Shown):
             PinfricError: it cannot be written.
         """
         if self.to != "cpp":
-            return write_file(path, _writer(self.text))
-        texts = {self.default_name: self.text, **self.beside}
-        return write_folder(path, {name: _writer(text) for name, text in texts.items()})[0]
+            return write_file(path, self.text)
+        return write_folder(path, {self.default_name: self.text, **self.beside})[0]
 
 
 def file_names(scene: Scene, to: str, namespace: str = "") -> list[str]:
     """Return the default names of what an export writes, the one that it is called by first.
-
-    Args:
-        scene, to, namespace: see `export`.
 
     Raises:
         PinfricError: no such format, or a namespace that C++ does not allow.
@@ -188,10 +184,6 @@ def _check_format(to: str) -> None:
     if to not in FORMATS:
         gone = removed(f"--to {to}")
         raise PinfricError(f"export: to {to!r}: {gone or choose_from(to, FORMATS)}")
-
-
-def _writer(text: str) -> Callable[[Path], object]:
-    return lambda file: file.write_text(text, encoding="utf-8")
 
 
 def export(

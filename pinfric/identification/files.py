@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -22,7 +22,7 @@ _SAMPLES = 200
 _ROBOT = "robot.urdf"
 
 
-def identified_files(found: Findings, folder: Path) -> dict[str, Callable[[Path], object]]:
+def identified_files(found: Findings, folder: Path) -> dict[str, str]:
     """Return name -> what writes that file: scene, robot (if corrected), posterior, sweep, advice.
 
     Args:
@@ -46,11 +46,7 @@ def identified_files(found: Findings, folder: Path) -> dict[str, Callable[[Path]
     }
     if not found.keeps_inertias:
         texts[_ROBOT] = robot_with_bodies(robot, found.scene.model)
-
-    def writer(text: str) -> Callable[[Path], object]:
-        return lambda path: path.write_text(text, encoding="utf-8")
-
-    return {name: writer(text) for name, text in texts.items()}
+    return texts
 
 
 _SWEEP = f"""# The uncertainty that the logs leave: each sample is a row of posterior.csv.

@@ -21,8 +21,8 @@ from pinfric.errors import PinfricError
 from pinfric.model.inputs import running
 from pinfric.model.yamlfile import brief, brief_path
 
-#: Writes a whole file to the path it is given.
-Writer = Callable[[Path], object]
+#: Writes a whole file to the path it is given; or the file's text.
+Writer = str | Callable[[Path], object]
 _UNFINISHED, _ALIVE = ".unfinished-", ".alive"
 #: Name -> SHA-256 of what commands wrote into a folder.
 RECORD = ".pinfric-results.json"
@@ -40,7 +40,7 @@ def file_hash(file: str | Path) -> str:
 
 
 def write_file(path: str | Path, write: Writer) -> Path:
-    """Let `write` fill a temporary file beside `path`, then rename it to `path`.
+    """Write a temporary file beside `path`, then rename it to `path`.
 
     Raises:
         PinfricError: the file cannot be written.
@@ -48,7 +48,7 @@ def write_file(path: str | Path, write: Writer) -> Path:
     path = Path(path)
     if path.exists() and not path.is_file() and not path.is_dir():  # a pipe or a device stays one
         try:
-            write(path)
+            _fill(path, write)
         except OSError as problem:
             raise PinfricError(f"{path}: cannot be written: {problem.strerror}") from None
         return path
@@ -65,7 +65,7 @@ def write_folder(
 
     Args:
         folder: where they go.
-        writers: name -> what writes that file.
+        writers: name -> what writes that file, or its text.
         outdated: names of files of an earlier run that contradict these ones: they are removed,
             but not what somebody else wrote or changed, nor an input of the command.
 
@@ -79,7 +79,7 @@ def write_folder(
         folder.mkdir(parents=True, exist_ok=True)
         with _unfinished(folder) as unfinished:
             for name, write in writers.items():
-                write(unfinished / name)
+                _fill(unfinished / name, write)
             with _locked(folder, os.O_RDONLY, wait=True):  # the record is one for all runs
                 recorded = _write_record(unfinished, folder, writers)
                 _put_in_place(unfinished, folder, [*writers, *recorded])
@@ -97,6 +97,13 @@ def write_folder(
             if new.is_dir() and not any(new.iterdir()):
                 new.rmdir()
     return [folder / name for name in writers]
+
+
+def _fill(path: Path, write: Writer) -> None:
+    if isinstance(write, str):
+        path.write_text(write, encoding="utf-8")
+    else:
+        write(path)
 
 
 @contextmanager

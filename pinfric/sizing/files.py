@@ -2,25 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from pinfric.model.files import Writer
 from pinfric.model.scene_text import robot_with_bodies, scene_content
 from pinfric.model.yamlfile import yaml_text
-from pinfric.sizing.size import SizingReport
 
-_SCENE, _ROBOT, _MOTORS = "sized.scene.yaml", "sized.urdf", "motors.yaml"
+if TYPE_CHECKING:  # a command asks for the names before it imports what takes time
+    from pinfric.sizing.size import SizingReport
+
+#: What `size --out` writes where drives are chosen: parts, scene, robot, limits of the motors.
+CHOSEN = "bom.csv", "sized.scene.yaml", "sized.urdf", "motors.yaml"
+_, _SCENE, _ROBOT, _MOTORS = CHOSEN
 
 
-def sized_files(report: SizingReport, folder: Path) -> dict[str, Writer]:
-    """Return name -> what writes that file; none where a joint of the scene has no drive that fits.
+def sized_files(report: SizingReport, folder: Path) -> dict[str, str]:
+    """Return name -> text of the file; none where a joint of the scene has no drive that fits.
 
     The scene has the gears, rotors and brakes of the chosen drives, its robot their masses; the
     motors file names them for `retime`.
 
     Args:
-        report: of `size`.
         folder: where they will stand; files are named relative to it.
     """
     catalog, robot = report.catalog, report.given.robot
@@ -49,8 +51,4 @@ def sized_files(report: SizingReport, folder: Path) -> dict[str, Writer]:
         texts[_SCENE] = by + yaml_text(content)
         if heavier:
             texts[_ROBOT] = robot_with_bodies(robot, report.scene.model)
-
-    def writer(text: str) -> Callable[[Path], object]:
-        return lambda path: path.write_text(text, encoding="utf-8")
-
-    return {name: writer(text) for name, text in texts.items()}
+    return texts

@@ -41,7 +41,7 @@ class Replay:
         Raises:
             PinfricError: the file cannot be written.
         """
-        return write_file(path, lambda file: file.write_text(self.page, encoding="utf-8"))
+        return write_file(path, self.page)
 
     def open(self) -> bool:
         """Show the page in a browser; return False where there is none or no display."""
