@@ -157,9 +157,6 @@ def limit_remarks(
     A limit is a placeholder beyond 3 m g L of the whole robot, or where limit times velocity limit
     is beyond 100 W for each kg of it, or where five joints or more have one limit beyond m g L.
 
-    Args:
-        model, held_out: see `joint_loads`.
-
     Returns:
         joint -> why its limit is a placeholder; joint -> N m in the worst of the postures tried.
     """
@@ -198,7 +195,6 @@ def one_limit(limits: Sequence[float], own: Sequence[float], held_out: float) ->
     Args:
         limits: of the turning joints that have one, N m.
         own: what their own weight needs, N m, in the same order.
-        held_out: see `joint_loads`.
     """
     alike = len(limits) >= _ALIKE and len(set(limits)) == 1 and limits[0] > _ALIKE_OVER * held_out
     return alike and max(own) > _LOADS_APART * min(own)

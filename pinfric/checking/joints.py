@@ -31,7 +31,6 @@ def joint_findings(facts: RobotFacts, robot: Robot | None) -> Iterator[Finding]:
     """Yield findings joint by joint, then those on the URDF's drives and friction.
 
     Args:
-        facts: the URDF, measured.
         robot: the URDF, loaded; None where it does not load.
     """
     for joint in facts.document.joints:

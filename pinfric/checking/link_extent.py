@@ -69,8 +69,6 @@ def link_extents(
     """Return link -> its extent where it has shapes, and mesh -> why it cannot be read.
 
     Args:
-        document: as `read_document` returns it.
-        urdf: the file.
         folders: where `package://` names may begin.
     """
     extents: dict[str, Extent] = {}

@@ -61,9 +61,7 @@ def check_urdf(
     """Return everything implausible about a URDF.
 
     Args:
-        urdf: the file.
         source: what to call it; by default its path.
-        xacro_args: see `check`.
 
     Raises:
         RobotError: it cannot be read at all.

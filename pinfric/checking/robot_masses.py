@@ -49,12 +49,7 @@ def mass_findings(facts: RobotFacts) -> Iterator[Finding]:
 
 
 def believed_weight(facts: RobotFacts, model: pin.Model) -> float | None:
-    """Return the torque (N m) that holds the robot out level; None where its masses are doubtful.
-
-    Args:
-        facts: the URDF, measured.
-        model: the same, loaded.
-    """
+    """Return the torque (N m) that holds the robot level; None where its masses are doubtful."""
     total = sum(facts.masses.values())
     if total == 0.0 or any(_by_size(facts)):
         return None

@@ -52,7 +52,6 @@ def scene_findings(
     """Yield findings on a scene without its robot.
 
     Args:
-        scene: as loaded.
         facts: its URDF, measured; None for a robot made in Python.
         said: what loading warned of.
     """

@@ -181,7 +181,6 @@ def _standstill(
         )
     if fitted == "" and not why:
         held_by = replace(held_by, note=rest.without_brake(back))
-    assert result.t is not None  # size refuses a motion without times
     energy = _energy(stop, name, brakes, stated(conditions, "holding_brake") if needed else "")
     formula = "static friction needed / its limit <= 1, power off and all other joints held"
     unpowered = compare(_HOLDING, use, 1.0, "", formula, _STATICS, "a unique static solution")
@@ -192,7 +191,7 @@ def _standstill(
         )
     criteria = (unpowered, held_by, energy)
     there = name is not None and bool(why) if fitted is None else bool(fitted)
-    return Standstill(effort, shaft, use, held, float(result.t[pose]), name, there, criteria)
+    return Standstill(effort, shaft, use, held, float(result.times[pose]), name, there, criteria)
 
 
 def _rounded(result: InverseResult, effort: np.ndarray) -> np.ndarray:

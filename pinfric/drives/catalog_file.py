@@ -35,9 +35,6 @@ def load_catalog(name: str | Path = DEFAULT) -> Catalog:
     A file that says `extends: default` has the bundled entries beside its own. Of a folder all its
     catalogues (YAML) and tables (CSV, each with its mapping beside it) are one.
 
-    Args:
-        name: the file or the folder.
-
     Raises:
         CatalogError: it cannot be read, has unknown keys or figures that cannot be.
 

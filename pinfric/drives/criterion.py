@@ -110,7 +110,6 @@ def compare(
     """Return the criterion required <= available, or "not checked: no figure" where one is None.
 
     Args:
-        name, unit, formula, source, note: of the criterion.
         required, available: numbers >= 0; infinite `required` fails, whatever is available.
         missing: the figure that is missing if one is None.
         condition: that sets one side, in words.

@@ -197,7 +197,6 @@ class Ratings:
         """Return the continuous torque (N m, or None) at the ambient temperature, and a remark.
 
         Args:
-            conditions: see `derating`.
             speed: the mean one, rad/s: where the maker's curve over speed counts.
         """
         torque = self.continuous_torque

@@ -12,11 +12,7 @@ from pinfric.model.scene import Scene
 
 
 def load_inertias(result: InverseResult) -> np.ndarray:
-    """Return (na,) the largest `joint_inertias` over a motion.
-
-    Args:
-        result: of inverse dynamics.
-    """
+    """Return (na,) the largest `joint_inertias` over a motion."""
     return joint_inertias(result.scene, result.states).max(axis=0)
 
 

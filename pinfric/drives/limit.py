@@ -266,7 +266,6 @@ def signals(
     Magnitudes, the worst of the interval; torque and speed at the motor's shaft.
 
     Args:
-        result: of inverse dynamics.
         line: (na,) stall torque/no-load speed, N m s/rad: `voltage` is |T_m + line omega|, to be
             held against the stall torque.
         needed: of a drive at rest only the least effort of its interval counts: it can hold.

@@ -75,7 +75,6 @@ def settled_heat(t: np.ndarray, x: np.ndarray, lag: Lag, duty: Schedule | None =
     Args:
         t: (T,) increasing, s; the last sample is the first of the next repetition.
         x: (T,), of the unit of the result.
-        lag: of the motor.
         duty: which samples are which cycle of a period, and how often; None: they are one.
     """
     largest = float(np.abs(x).max())

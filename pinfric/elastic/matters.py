@@ -93,8 +93,7 @@ def _motor_share(result: InverseResult) -> tuple[float, str]:
 
     t: without friction, whose jumps no motor follows; under one load at a time.
     """
-    scene, t = result.scene, result.t
-    assert t is not None  # elastic_effect
+    scene, t = result.scene, result.times
     worst, _ = ends_by_magnitude(result.motor_torque_lower, result.motor_torque_upper)
     needed = np.zeros((len(t), len(scene.elastic)))
     for start, stop, _ in result.states.phases(scene):

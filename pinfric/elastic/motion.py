@@ -477,8 +477,7 @@ def _rest(
     ways: _Ways,
     swing: tuple[Mode, float],
 ) -> Rest:
-    scene, (_, first, last), t = result.scene, span, result.t
-    assert t is not None  # elasticity refuses a result without
+    scene, (_, first, last), t = result.scene, span, result.times
     torque = [result.effort_lower, result.effort_upper, result.effort_frictionless]
     lower, upper, sag = (_wind_ups(scene, x[[last]])[0] for x in torque)
     mode, stiffest = swing

@@ -113,8 +113,7 @@ class ElasticSummary:
 
 def elastic_summary(found: Elasticity) -> ElasticSummary:
     """Return the summary of elastic gears."""
-    t = found.result.t
-    assert t is not None  # elasticity refuses a result without
+    t = found.result.times
     frequency = LowestFrequency(
         least=float(found.frequency[found.slowest]),
         greatest=float(np.fmax.reduce(found.frequency)),

@@ -119,10 +119,7 @@ def cpp_files(
     """Return the header and its test.
 
     Args:
-        scene: see `check_compensated`.
         frames: names of links for payloads and wrenches at run time; none: see `default_frames`.
-        bounds: what its options begin with.
-        states: what the test compares.
         lines: the comment at the top of the header.
         name: of the namespace and the files; empty: see `namespace`.
 

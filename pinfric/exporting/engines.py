@@ -50,8 +50,6 @@ def shortfalls(
     """Return what the engines that read a format do not do.
 
     Args:
-        to: the format.
-        joints: the constants.
         rotors: (n,) inertia of each joint's rotor, seen from there (kg m^2 or kg).
         creep: (n,) speed at which MuJoCo's joint gives way under its frictionloss (rad/s or m/s).
     """

@@ -364,7 +364,6 @@ def write_limits(
     """Write the friction limit (nv,) of each joint, and return the drive that jams, or -1.
 
     Args:
-        laws, gears: of the scene.
         site: (nv,) row of the joint's friction, -1: it has none. load: (ns,) normal loads.
         tau: (nv,) wrenches about or along the axes. velocity: (nv,). direction: (nv,) 1 or -1.
         sticks: (nv,) bool. share: (nv,) M/(M + J). old: (nv,) limits before, or NaN.

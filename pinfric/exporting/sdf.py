@@ -26,9 +26,6 @@ def sdf(
 
     Args:
         scene: with the payloads that it carries by default.
-        joints: the constants.
-        lines: joint -> comment.
-        header: comments at the top.
     """
     tree = bodies(scene)
     # <mimic> came with 1.11

@@ -31,12 +31,6 @@ def urdf(
     Locked joints are fixed, payloads that the scene carries by default are links of their own,
     meshes stay where they are.
 
-    Args:
-        scene: made from a URDF.
-        joints: the constants.
-        lines: joint -> comment before it.
-        header: comments at the top.
-
     Raises:
         PinfricError: the scene has no URDF, or its model is not the one of its URDF.
     """

@@ -131,7 +131,6 @@ def read_limits(scene: Scene, limits: LimitsLike) -> tuple[DriveLimits, ...]:
     """Return the limits of every drive, in the order of the scene's.
 
     Args:
-        scene: with the drives.
         limits: drive name -> `DriveLimits`, a mapping as in `MotorsFile.drives`, a `Candidate` or
             the name of a drive of the bundled catalogue ("motor + gear"); such a file;
             "default:NAME" for the same drive everywhere; None: effort and velocity

@@ -206,7 +206,6 @@ def load_path(path: str | File, scene: Scene) -> Path:
     Args:
         path: YAML way-points, where a point with `via: true` is passed without a stop; else what
             `load_trajectory` reads. A file, or the bundled one of that name.
-        scene: its joints and payloads.
 
     Raises:
         TrajectoryError: as `load_trajectory` and `Path` raise it.

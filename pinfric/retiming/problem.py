@@ -232,7 +232,6 @@ def modes(grid: Grid, zones: Sequence[tuple[int, int, float, float]]) -> np.ndar
     """Return the mode of each drive at both ends of each interval, (n, 2, nv).
 
     Args:
-        grid: the points.
         zones: (drive, piece, from s, to s): within them it reverses, and both signs count.
     """
     direction, rests_ = grid.direction, grid.direction == 0.0
@@ -252,7 +251,6 @@ def usage(result: InverseResult, limits: Sequence[DriveLimits], needed: bool = F
     """Return the used part of each limit, (T, na, number of `instant_limits`).
 
     Args:
-        result: of inverse dynamics.
         limits: (na,) of the drives.
         needed: of a drive at rest only the least torque of its interval counts: it can hold.
     """

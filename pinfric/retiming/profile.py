@@ -152,7 +152,6 @@ def sample(path: Path, profile: Profile, rate: float, smooth: float = 0.0) -> Sa
     At a stop without a hold the acceleration is that of the move that follows.
 
     Args:
-        path: with its holds.
         profile: how fast its pieces are run.
         rate: Hz.
         smooth: s(t) is a moving mean over this time (s), by which each piece takes longer: jumps of

@@ -521,8 +521,7 @@ class _Retiming:
     def heat_used(self, samples: Samples) -> np.ndarray:
         """Return (na,) the part of its continuous torque that each motor uses over the cycle."""
         judged = inverse_dynamics(self.scene, self.motion(samples))
-        assert judged.t is not None  # samples have times
-        used = [rms(judged.t, torque) for torque in signals(judged)["motor torque"].T]
+        used = [rms(judged.times, torque) for torque in signals(judged)["motor torque"].T]
         return np.array(used) / [x.over_time[0] for x in self.limits]
 
     def result(

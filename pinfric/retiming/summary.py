@@ -69,11 +69,7 @@ class RetimeSummary:
 
 
 def retime_summary(result: RetimeResult) -> RetimeSummary:
-    """Return the summary of retiming.
-
-    Args:
-        result: of `retime`.
-    """
+    """Return the summary of retiming."""
     problem, most = result.problem, result.usage.max(axis=0, initial=0.0)
     # limits that no drive of this robot has would be columns of zeros
     rows = [

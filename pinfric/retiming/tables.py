@@ -85,7 +85,6 @@ def natural_points(piece: PPoly, drives: np.ndarray) -> np.ndarray:
     """Return the knots of a piece and the places where a joint or a drive reverses: of every grid.
 
     Args:
-        piece: of a path.
         drives: (na, nj) `rates_of`.
     """
     rates = np.unique(np.concatenate([np.eye(drives.shape[1]), drives]), axis=0)
@@ -111,7 +110,6 @@ def make_grid(
 
     Args:
         scene: with a drive for every velocity.
-        path: the pieces.
         columns: (nj,) of the joints.
         points: for each piece increasing places s.
     """

@@ -54,7 +54,6 @@ def within_continuous(problem: Problem, fast: Profile, cycle: Cycle) -> tuple[Pr
     Args:
         problem: the grid with its other limits.
         fast: the fastest profile without this limit, returned where it is within it.
-        cycle: limits and holds.
 
     Raises:
         RetimeError: a motor exceeds it however slow the motion is.

@@ -74,8 +74,7 @@ def inverse_summary(
         StateError: the result has no times.
     """
     joints, doubt = summarize(result), doubted_mass(result.scene.model)
-    t = result.t
-    assert t is not None  # summarize refuses a result without
+    t = result.times
     sites = [
         SiteSummary(
             name,

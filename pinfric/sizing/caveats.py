@@ -92,7 +92,6 @@ def caveats(
     """Return the assumptions of a sizing, in sentences.
 
     Args:
-        scene: the robot as given.
         catalog: what was chosen from; None: nothing was.
         gaps: of `unclosed`. jumps: of `discontinuities`. beyond: of `beyond_limits`.
     """

@@ -44,7 +44,6 @@ def arm_criteria(
 
     Args:
         scene: with the chosen drives. found: what its elastic gears do; None without any.
-        conditions: what is demanded.
     """
     unknown = [drive.name for drive in scene.drives if drive.spring is None]
     missing = f"stiffness of {', '.join(unknown)}" if unknown else ""
@@ -90,7 +89,6 @@ def reversal_criteria(
     wind-up by friction as its maker found it: the greater one counts.
 
     Args:
-        scene, found, conditions: as `arm_criteria`.
         backlash: of each drive's gear, rad (m); None: not known.
     """
     if (allowed := conditions.reversal_error) is None:

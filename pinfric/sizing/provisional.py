@@ -41,9 +41,6 @@ def provisional(search: Search) -> Assessment | None:
     """Return the drive of fewest missing figures, then the lightest, all of whose known rows pass.
 
     Its `would` says of each missing figure what it must be.
-
-    Args:
-        search: the shelf at a joint.
     """
     tried = sorted(_offers(search))[:_TRIED]
     for hot in (False, True):

@@ -291,8 +291,7 @@ class SizingReport(Shown):
     @property
     def period(self) -> float:
         """Duration (s) of the repeated period: the cycle, or a duty's cycles and its time off."""
-        assert self.result.t is not None  # size refuses a motion without times
-        t = self.duty.stretched(self.result.t)
+        t = self.duty.stretched(self.result.times)
         return float(t[-1] - t[0])
 
     @property
@@ -367,14 +366,12 @@ class SizingReport(Shown):
     def bus(self) -> BusPower:
         """Power of all chosen drives from their bus, and power fed back."""
         drives = {joint.name: joint.motor for joint in self.joints}
-        t = self.result.t
-        assert t is not None  # size refuses a motion without times
         voltages = {
             joint.name: line_voltage(joint.installed.candidate.ratings, joint.motor)
             for joint in self.joints
             if joint.installed is not None and joint.motor is not None
         }
-        return bus_power(drives, t, self.duty, self.conditions, voltages)
+        return bus_power(drives, self.result.times, self.duty, self.conditions, voltages)
 
     def check(self) -> None:
         """Raise if the choice cannot be signed; without a catalogue, if a criterion fails.
@@ -709,7 +706,6 @@ class _Sizing:
     def _one_cycle(self, scene: Scene, robot: Robot) -> Trajectory:
         """The cycles without a rating, or a rating alone, as a motion of a scene."""
         states, rating = robot.result.states, robot.rating
-        assert states.t is not None  # size refuses a motion without times
         part = rating.own if rating is not None and rating.cycles else slice(None)
         carried = states.attached
         attached = (
@@ -717,7 +713,7 @@ class _Sizing:
         )
         return Trajectory.from_arrays(
             scene,
-            states.t[part],
+            robot.result.times[part],
             states.q[part],
             states.v[part],
             states.a[part],

@@ -258,13 +258,8 @@ class SizingSummary:
 
 
 def sizing_summary(report: SizingReport) -> SizingSummary:
-    """Return the summary of a sizing.
-
-    Args:
-        report: of `size`.
-    """
-    t, duty = report.result.t, report.duty
-    assert t is not None  # size refuses a motion without times
+    """Return the summary of a sizing."""
+    t, duty = report.result.times, report.duty
     return gathered(
         SizingSummary,
         report,

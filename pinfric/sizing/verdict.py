@@ -146,11 +146,7 @@ class Verdict:
 
 
 def verdict_of(report: SizingReport) -> Verdict:
-    """Return the verdict on a sizing: see the module.
-
-    Args:
-        report: of `size`.
-    """
+    """Return the verdict on a sizing: see the module."""
     joints = zip(report.joints, report.criteria, strict=True)
     whole = _failing("robot", report.arm_criteria)
     (weighs, possible), legs = _weight(report.given), hanging_legs(report.given.model)

@@ -143,7 +143,6 @@ def stop_motion(
     """Return the stop from a state.
 
     Args:
-        machine: what stops.
         q, v: (nq,), (nv,) at which the drives react.
         slowed: the motion that the drives impose until rest; None: of the machine's deceleration.
 

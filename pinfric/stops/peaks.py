@@ -120,7 +120,6 @@ def cycle_peaks(
 
     Args:
         machines: of an open chain, no joint with several drives. trajectory: the cycle.
-        powers: of `braking`.
     """
     rate = working_rates(machines.scene, trajectory.q, trajectory.v)[0]
     fastest = np.argmax(np.abs(rate), axis=0)
@@ -165,7 +164,6 @@ def braking(machines: Machines, trajectory: Trajectory) -> tuple[InverseResult, 
 
     Args:
         machines: of a category 1 with `stops.deceleration`; of another there are none.
-        trajectory: the cycle.
     """
     d, v = machines.deceleration, trajectory.v
     if d is None:

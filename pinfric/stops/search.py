@@ -174,8 +174,7 @@ def past(limits: np.ndarray, q: np.ndarray) -> np.ndarray:
 
 def _check_unbraked(still: InverseResult, carries: str, products: Mapping[str, str]) -> None:
     """Refuse a drive without a brake whose joint gravity moves although friction holds it."""
-    scene, t = still.scene, still.t
-    assert t is not None  # a cycle has times
+    scene, t = still.scene, still.times
     for d, drive in enumerate(scene.drives):
         if drive.transmission is not None and drive.transmission.brake is not None:
             continue

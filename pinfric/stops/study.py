@@ -128,7 +128,6 @@ def stop(
 
     Args:
         scene: with a `stops` section, transmissions, and brakes where gravity acts.
-        trajectory: the cycle.
         category: 0 or 1 of IEC 60204-1, in place of the section's.
         progress: function of the stops done and the stops expected.
 

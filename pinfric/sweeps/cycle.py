@@ -75,11 +75,7 @@ class Study:
         return ELASTIC_FIGURES if any(target.key in ELASTIC for target in self.targets) else ()
 
     def load_inertias(self, result: InverseResult) -> np.ndarray:
-        """Return (na,) the largest inertia about each joint over one sample's cycle, kg m^2 (kg).
-
-        Args:
-            result: of the sample.
-        """
+        """Return (na,) the largest inertia about each joint over a sample's cycle, kg m^2 (kg)."""
         if any(target.section == "payload" for target in self.targets):
             return load_inertias(result)
         if not self._inertias:  # nothing else changes it: the path's configurations stay
@@ -115,7 +111,6 @@ def compute(study: Study, rows: np.ndarray, values: np.ndarray) -> pd.DataFrame:
     missing: not checked), `Study.elastic`, `unsolved`, `problem`.
 
     Args:
-        study: what they share.
         rows: (k,) which samples these are.
         values: (k, number of targets).
     """
@@ -205,8 +200,7 @@ def reduce(result: InverseResult) -> np.ndarray:
     Args:
         result: with times.
     """
-    assert result.t is not None  # a trajectory has them
     asked = signals(result)
     forces = asked["effort"], asked["motor torque"]
-    demands = [x for force in forces for x in (force.max(axis=0), column_rms(result.t, force))]
+    demands = [x for force in forces for x in (force.max(axis=0), column_rms(result.times, force))]
     return np.column_stack((*demands, asked["speed"].max(axis=0)))

@@ -70,7 +70,6 @@ class Trial:
         NaN and NOT_CHECKED where there are instants without a solution.
 
         Args:
-            result: of the cycle.
             holding: (T,) the samples of the holds.
             inertias: (na,) largest about each joint over the cycle, kg m^2 (kg); None: not known.
         """

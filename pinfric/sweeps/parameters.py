@@ -308,7 +308,6 @@ def apply(
 
     Args:
         scene, trajectory: stay as they are.
-        targets: of `resolve`.
         values: (number of targets,) in their order.
     """
     for target, value in zip(targets, map(float, values), strict=True):
@@ -385,7 +384,6 @@ def mounted_gravity(model: pin.Model, roll: float, pitch: float) -> np.ndarray:
     """Return (3,) gravity in the axes of a base turned by R = R_y(pitch) R_x(roll), R^T g, m/s^2.
 
     Args:
-        model: as the scene has it.
         roll, pitch: rad, about the world's x, then its y axis.
     """
     return pin.rpy.rpyToMatrix(roll, pitch, 0.0).T @ model.gravity.linear

@@ -51,7 +51,6 @@ def sweep(
 
     Args:
         scene: the robot; drives of a catalogue that are checked add their masses to it, once.
-        trajectory: one cycle.
         sweep: the sweep's file, or its content as a mapping.
         processes: on this machine; 1 computes in this process. None: as the backend of joblib
             that is active (`joblib.parallel_config`), else chosen automatically.

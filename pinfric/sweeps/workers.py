@@ -51,7 +51,6 @@ def compute_in_parallel(
     """Yield the batches' figures as they complete, in any order.
 
     Args:
-        study: what the samples share.
         batches: (k,) rows of `values` each.
         values: (n, number of targets).
         processes: of this machine; None takes the backend that is active.

@@ -118,6 +118,11 @@ class InverseResult(SolvedMotion, Shown):  # noqa: D101 (that of its fields)
         return self.states.t
 
     @property
+    def times(self) -> np.ndarray:
+        """(T,) times in s, of a result that is known to have them."""
+        return self.states.times
+
+    @property
     def q(self) -> np.ndarray:
         """(T, nq) configurations of the motion."""
         return self.states.q

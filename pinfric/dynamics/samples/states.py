@@ -59,6 +59,12 @@ class States:
     t: np.ndarray | None = None
     attached: np.ndarray | None = None
 
+    @property
+    def times(self) -> np.ndarray:
+        """(T,) `t` of states that are known to have them."""
+        assert self.t is not None
+        return self.t
+
     @classmethod
     def of(
         cls, scene: Scene, q: Any, v: Any, a: Any, t: Any = None, attached: Any = None

@@ -197,8 +197,7 @@ def compare_effort(
         measured: (T,) N m or N, stated at the joint.
         at: what it is; see `measured_interval`.
     """
-    assert result.t is not None
-    t, finite = result.t, np.isfinite(measured)
+    t, finite = result.times, np.isfinite(measured)
     name, unit = result.actuator_names[drive], effort_unit(result.scene, drive)
     if not finite.any():
         return MeasuredEffort(name, unit, np.nan, np.nan, np.nan)

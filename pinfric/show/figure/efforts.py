@@ -197,9 +197,8 @@ def shade(axes: Axes, spans: np.ndarray, label: str = "") -> None:
 
 def rest_spans(result: InverseResult, i: int) -> np.ndarray:
     """Return the spans (n, 2), s, in which a drive rests; those closer than a pixel are one."""
-    assert result.t is not None
-    start, end = result.t[np.array(runs(rests(result, i)), dtype=int).reshape(-1, 2)].T
-    apart = start[1:] - end[:-1] >= np.ptp(result.t) / _PIECES
+    start, end = result.times[np.array(runs(rests(result, i)), dtype=int).reshape(-1, 2)].T
+    apart = start[1:] - end[:-1] >= np.ptp(result.times) / _PIECES
     first, last = (np.ones(len(start), dtype=bool) for _ in range(2))
     first[1:], last[:-1] = apart, apart
     return np.column_stack((start[first], end[last]))
@@ -216,8 +215,7 @@ def dress(axes: Axes, ticks: int) -> None:
 
 
 def _draw_panel(axes: Axes, result: InverseResult, i: int, zero: float) -> None:
-    assert result.t is not None
-    t, sticking, rubs = result.t, rests(result, i), sites_on(result.scene, i)
+    t, sticking, rubs = result.times, rests(result, i), sites_on(result.scene, i)
     lower, upper = result.effort_lower[:, i], result.effort_upper[:, i]
     frictionless, interval = result.effort_frictionless[:, i], lower != upper
     shade(axes, rest_spans(result, i), "time at rest")

@@ -75,8 +75,7 @@ def draw_measured(
         lag: of the measured effort behind the motion, s; drawn without it.
         pieces: that a long log is cut into, each kept with its extremes.
     """
-    assert result.t is not None
-    i, t = result.actuator_names.index(drive), result.t + shift
+    i, t = result.actuator_names.index(drive), result.times + shift
     lower, upper = measured_interval(result, log.at)
     measured = log.reading.effort[drive]
     known = np.where(np.isfinite(measured), measured, 0.0)

@@ -115,11 +115,10 @@ def _over_time(found: Identified) -> list[Figure]:
     start = 0.0
     for number in range(len(found.recordings)):
         result, log = beside_measured(found, number)
-        assert result.t is not None  # a log has times
         for name, (_, axes) in zip(names, figures, strict=True):
-            shift = start - float(result.t[0])
+            shift = start - float(result.times[0])
             draw_measured(axes, result, log, name, shift, found.delay, _PIECES)
-        start += float(result.t[-1] - result.t[0]) + 1.0
+        start += float(np.ptp(result.times)) + 1.0
     for _, axes in figures:  # of the first log
         for line, label in zip(axes.lines, ("measured", "identified scene"), strict=False):
             line.set_label(label)

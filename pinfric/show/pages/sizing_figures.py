@@ -94,8 +94,7 @@ def temperature(joint: JointSizing, report: SizingReport) -> Figure | None:
 
 def power_over_time(report: SizingReport) -> Figure:
     """Draw the power of all drives from their bus; below 0 it is fed back."""
-    power, t = report.bus.power, report.result.t
-    assert t is not None  # size refuses a motion without times
+    power, t = report.bus.power, report.result.times
     keep = thinned([power], _PIECES)
     keep = keep[report.duty.powered(len(t))[keep]]
     figure, axes = panel("time, s", "power of all drives, W", height=1.9)

@@ -34,9 +34,6 @@ def bill_of_materials(report: SizingReport) -> str:
     catalogue's currency), dimensions, source, its grade; what is not known stays empty. Housing,
     shaft and bearings of a frameless kit are one line, so that the masses add up to those of the
     drives. Joints that cannot be signed are left out.
-
-    Args:
-        report: of `size`.
     """
     if report.catalog is None:
         return ""

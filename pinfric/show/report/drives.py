@@ -38,9 +38,7 @@ def choice_table(
     """Return the drives that were chosen, of a sizing with a catalogue.
 
     Args:
-        found: the sizing.
         cells: fields to show beside the usual ones or in another way, and how.
-        short: leave out brakes and backlash.
     """
     title = f"drives from {found.catalog}, {digits(found.conditions['bus_voltage'])} V"
     own = {"choice": _chosen, **(cells or {})}

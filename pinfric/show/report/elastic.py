@@ -22,7 +22,6 @@ def elasticity_parts(found: ElasticSummary, names: Sequence[str]) -> list[Table 
     """Return the tables and lines that `pinfric inverse` prints of elastic gears.
 
     Args:
-        found: of the elastic gears.
         names: of all drives, by which names are shortened.
     """
     parts: list[Table | list[str] | None] = []

@@ -22,7 +22,6 @@ def envelope(
 
     Args:
         command: its name.
-        result: described.
         scene: its file; empty: none.
         inputs: names of files that were read; what is no file is left out.
         warnings: what was noticed on the way.

@@ -42,8 +42,6 @@ def mark(kind: str, text: str, title: str = "") -> Marked:
     """Return text on a coloured ground: "ok", "tight", "bad", "none" or "free" of the pages' style.
 
     Args:
-        kind: which.
-        text: what stands there.
         title: what is shown where a reader points at it.
     """
     more = f' title="{escape(title)}"' if title else ""

@@ -21,8 +21,6 @@ def identify_report(
     """Return the tables and lines that `pinfric identify` prints, for a rich console.
 
     Args:
-        found: of `identify`.
-        summary: of it.
         verbose: also the coefficients, and all notes.
         written: the files of --out are, and the last line does not name it.
     """

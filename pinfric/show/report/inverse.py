@@ -35,7 +35,6 @@ def inverse_report(
 
     Args:
         result: with times.
-        found: its summary.
         log: how the trajectory was read, if it came from samples.
         verbose: elastic gears rest by rest and gear by gear; else in a line.
     """

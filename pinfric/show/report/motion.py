@@ -18,12 +18,7 @@ _MOST_ROWS = 12
 
 
 def motion_report(motion: Motion, found: MotionSummary) -> Report:
-    """Return the tables and lines that `pinfric simulate` prints, for a rich console.
-
-    Args:
-        motion: simulated.
-        found: its summary.
-    """
+    """Return the tables and lines that `pinfric simulate` prints, for a rich console."""
     motors = motion.motor_torque is not None
     title = (
         f"{Path(motion.scene.source).stem} · {found.method}: {digits(found.t_end)} s, "

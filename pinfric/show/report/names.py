@@ -46,7 +46,6 @@ def said_short(text: str, short: Mapping[str, str]) -> str:
     """Return a text with its names as tables say them; whole in quotes and in keys: mu.elbow_joint.
 
     Args:
-        text: sentences.
         short: of `short_names`.
     """
     longest = sorted((name for name in short if short[name] != name), key=len, reverse=True)
@@ -61,7 +60,6 @@ def picture_names(names: Sequence[str], room: int) -> tuple[list[str], str]:
     """Return names as a picture shows them, and "; left out of each name: …" for its title.
 
     Args:
-        names: of its rows or panels.
         room: letters that each has.
     """
     front, back = affixes(names)

@@ -18,8 +18,6 @@ def retime_report(
     """Return the tables and lines that `pinfric retime` prints, for a rich console.
 
     Args:
-        result: of `retime`.
-        found: its summary.
         verbose: also the moves one by one.
         written: the files of --out are, and the last line does not name it.
     """

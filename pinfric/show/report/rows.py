@@ -41,14 +41,10 @@ def table_of(
     all rows share it, else in a column of its own.
 
     Args:
-        title: printed above.
-        rows: of one described class.
         only: fields to show, also such as have no heading; none: all with one.
-        without: fields to leave out.
         cells: field -> what it shows of a row, in place of its own cell.
         zero: efforts that are not larger print as 0; a number, or of a row. Where rows have no
             efforts it is for all figures.
-        layout: further arguments of `Table`.
     """
     if not rows:
         return None
@@ -142,8 +138,6 @@ def kind(found: Quantity, values: Sequence[Any], texts: Sequence[str]) -> Kind:
     """Return how a column behaves: numbers, names, short words or long ones.
 
     Args:
-        found: the field.
-        values: of the rows.
         texts: what the column shows of them.
     """
     if found.name:

@@ -53,7 +53,6 @@ def sizing_report(report: SizingReport, verbose: bool = True, written: bool = Fa
     """Return the tables and lines that `pinfric size` prints, for a rich console.
 
     Args:
-        report: of `size`.
         verbose: all of it; else what is chosen, what fails, and what to ask for.
         written: the files of --out are, and the last line does not name it.
     """

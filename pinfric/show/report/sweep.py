@@ -28,12 +28,7 @@ _DESIGNS = {
 
 
 def sweep_report(result: SweepResult, found: SweepSummary) -> Report:
-    """Return the tables and lines that `pinfric sweep` prints, for a rich console.
-
-    Args:
-        result: of `sweep`.
-        found: its summary.
-    """
+    """Return the tables and lines that `pinfric sweep` prints, for a rich console."""
     title = f"{Path(result.scene).stem} · {Path(result.trajectory).name}: "
     title += f"{result.samples} {_DESIGNS[result.sampling]}"
     tables: list[Table | None] = []
@@ -127,7 +122,6 @@ def _failures(motor: MotorOnTrial, unsolved: float) -> str:
     """The criteria that fail in any sample, and in how many, the most frequent first.
 
     Args:
-        motor: on trial.
         unsolved: share of samples without a solution, which meet none and are said apart.
     """
     missed = {name: 1.0 - met.value - unsolved for name, met in motor.criteria.items()}

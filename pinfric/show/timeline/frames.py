@@ -262,8 +262,7 @@ def _placements(
     model: pin.Model, states: States, times: np.ndarray, index: np.ndarray
 ) -> np.ndarray:
     """(F, nj, 7) of the samples, and between samples of the cubic that meets their q and v."""
-    q, v, t, data = states.q, states.v, states.t, model.createData()
-    assert t is not None
+    q, v, t, data = states.q, states.v, states.times, model.createData()
     out = np.empty((len(index), model.njoints - 1, 7))
     for f, i in enumerate(index):
         row = q[i]

@@ -118,8 +118,7 @@ def gear_holds(scene: Scene, motion: InverseResult | Motion, states: States) -> 
         rests = np.abs(rates[:, d]) <= drive_stick_velocity(scene, drive)
         holds = rests & loaded[:, d] & free[:, d]
         if drive.transmission is not None and holds.any():
-            assert states.t is not None
-            found[drive.name] = _spans(states.t, holds)
+            found[drive.name] = _spans(states.times, holds)
     return found
 
 
@@ -129,8 +128,7 @@ def off_the_log(result: InverseResult, log: JudgedLog) -> dict[str, tuple[Spans,
     for name, compared in log.measured.items():
         i, effort = result.actuator_names.index(name), log.reading.effort[name]
         gap = np.abs(effort - np.clip(effort, lower[:, i], upper[:, i]))
-        assert result.t is not None  # _states refuses a motion without
-        mild, strong = (_spans(result.t, gap > share * compared.rms) for share in OFF)
+        mild, strong = (_spans(result.times, gap > share * compared.rms) for share in OFF)
         found[name] = mild, strong
     return found
 
@@ -139,8 +137,7 @@ def limiting_drives(
     result: InverseResult, limits: Sequence[DriveLimits]
 ) -> dict[str, dict[str, tuple[Spans, Spans]]]:
     """Return which limits of which drives hold the motion back, and when: see `Frames.limiting`."""
-    t, use = result.t, usage(result, limits)
-    assert t is not None  # _states refuses a motion without
+    t, use = result.times, usage(result, limits)
     moving = (result.actuator_velocity != 0.0).any(axis=1)
     nearest = use.argmax(axis=2)
     found: dict[str, dict[str, tuple[Spans, Spans]]] = {}
@@ -155,8 +152,7 @@ def limiting_drives(
 
 def carried_payloads(scene: Scene, states: States) -> dict[str, Spans]:
     """Return for each payload the spans in which it is carried: see `Frames.carried`."""
-    t = states.t
-    assert t is not None
+    t = states.times
     spans: dict[str, list[tuple[float, float]]] = {name: [] for name in scene.payloads}
     for start, stop, names in states.phases(scene):
         if names is None:
