@@ -819,7 +819,7 @@ class Search:
                 least, mass_ = self.margins(b, left[k : k + step])
                 heavy = mass_ >= below
                 might |= ((least >= 0) & block.fits[left[k : k + step]] & ~heavy).any(axis=0)
-            for m in np.flatnonzero(might):
+            for m in np.flatnonzero(might).tolist():
                 if figures := block.motor_lacks[m]:
                     name = block.motor_names[m]
                     found.setdefault(name, Ask(name, figures, None, block.motors[m].source))
