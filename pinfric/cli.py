@@ -448,7 +448,7 @@ def stop(
     from pinfric.show.pages.stop import stop_page
     from pinfric.show.report.stop import stop_report, verdict
     from pinfric.stops.study import stop as find_stops
-    from pinfric.stops.summary import stop_summary
+    from pinfric.stops.study import stop_summary
 
     with progress("stops") as report:
         result = find_stops(scene, trajectory, category=category, progress=report)
@@ -927,7 +927,7 @@ def result_classes() -> dict[str, list[type]]:
     from pinfric.show.motion_summary import MotionSummary
     from pinfric.show.replay.replay import Replay
     from pinfric.sizing.summary import SizingSummary
-    from pinfric.stops.summary import StopSummary
+    from pinfric.stops.study import StopSummary
     from pinfric.sweeps.summary import SweepSummary
 
     return {

@@ -25,6 +25,7 @@ import numpy as np
 from pinfric.drives.catalog import Brake
 from pinfric.drives.criterion import LEAST_MARGIN, Criterion, Status, compare
 from pinfric.drives.demand import largest
+from pinfric.drives.drivetrain import Candidate
 from pinfric.drives.friction import own_friction
 from pinfric.drives.inertia import joint_inertias
 from pinfric.drives.policy import (
@@ -106,34 +107,28 @@ def standstills(
     result: InverseResult,
     brakes: Mapping[str, Brake],
     conditions: Conditions,
-    fitted: Sequence[str] = (),
-    motors: Sequence[str] = (),
-    integrated: Sequence[bool] = (),
+    drives: Sequence[Candidate | None] = (),
 ) -> tuple[Standstill, ...]:
     """Return the holding of each drive's joint without power, in the order of the drives.
 
     Args:
         result: of the cycle; its scene has the gears.
         brakes: of the catalogue. conditions: whether a brake is required, and its reserve.
-        fitted: (na,) names of the brakes that the drives of the scene include; "": none. Where it
-            is left out, what each joint would need is said.
-        motors: (na,) names of the motors: a brake that is built into others does not count. Where
-            it is left out, those sold alone do.
-        integrated: (na,) which of them are gearmotors, as of `goes_with`; left out: none.
+        drives: (na,) that were chosen: a brake that is built into other motors does not count.
+            Where they are left out, what each joint would need is said, of brakes sold alone.
     """
     zero, states = np.zeros_like(result.states.v), result.states
     still = inverse_dynamics(result.scene, states.q, zero, zero, attached=states.attached)
     inertias = None if result.scene.loops else joint_inertias(result.scene, states)
     found = []
     for i, drive in enumerate(result.scene.drives):
-        own = None if inertias is None else inertias[:, i]
-        there = fitted[i] if fitted else None
+        own, taken = None if inertias is None else inertias[:, i], drives[i] if drives else None
+        there = taken.brake if taken else "" if drives else None
         if own is not None and there and drive.transmission is not None:
             inside = brakes[there].inertia_ends[1]  # each brake on trial adds its own
             own = own - drive.transmission.ratio**2 * inside
-        motor = motors[i] if motors else ""
-        inside = bool(integrated) and integrated[i]
-        fitting = ranked({name: b for name, b in brakes.items() if b.goes_with(motor, inside)})
+        of = (taken.motor, taken.integrated) if taken else ("",)
+        fitting = ranked({name: b for name, b in brakes.items() if b.goes_with(*of)})
         found.append(_standstill(result, still, i, own, fitting, conditions, there))
     return tuple(found)
 

@@ -117,7 +117,7 @@ def mjcf(
     option = _add(
         root,
         "option",
-        gravity=_numbers(gravity),
+        gravity=numbers(gravity),
         timestep=_number(timestep),
         integrator="implicitfast",
     )
@@ -139,7 +139,7 @@ def mjcf(
     following = {b.joint.name: b.follows for b, j in pairs if b.follows is not None and not j.fixed}
     equations = _add(root, "equality") if following else root
     for follower, (leader, ratio, shift) in following.items():
-        law = _numbers([shift, ratio, 0.0, 0.0, 0.0])
+        law = numbers([shift, ratio, 0.0, 0.0, 0.0])
         _add(equations, "joint", joint1=follower, joint2=leader, polycoef=law, **_FOLLOWS)
     if springs is not None:
         _add_tendons(root, elements, springs)
@@ -159,9 +159,9 @@ def _add_body(parent: ElementTree.Element, body: Body, joint: MjcfJoint) -> Elem
     _add(
         element,
         "inertial",
-        pos=_numbers(body.inertia.lever),
+        pos=numbers(body.inertia.lever),
         mass=_number(body.inertia.mass),
-        fullinertia=_numbers(moments),
+        fullinertia=numbers(moments),
     )
     if joint.comment:
         element.append(xml_comment(joint.comment))
@@ -169,14 +169,14 @@ def _add_body(parent: ElementTree.Element, body: Body, joint: MjcfJoint) -> Elem
         return _with_sites(element, body)
     limits = {}
     if np.isfinite([body.joint.lower, body.joint.upper]).all():
-        limits["range"] = _numbers([body.joint.lower, body.joint.upper])
+        limits["range"] = numbers([body.joint.lower, body.joint.upper])
     if np.isfinite(body.effort_limit):
-        limits["actuatorfrcrange"] = _numbers([-body.effort_limit, body.effort_limit])
+        limits["actuatorfrcrange"] = numbers([-body.effort_limit, body.effort_limit])
     _add(
         element,
         "joint",
         name=body.joint.name,
-        axis=_numbers(body.axis),
+        axis=numbers(body.axis),
         type="slide" if body.joint.unit == "m" else "hinge",
         frictionloss=_number(joint.frictionloss),
         damping=_number(joint.damping),
@@ -203,7 +203,7 @@ def _add_tendons(
         tendon = _add(tendons, "spatial", name=line.name, stiffness=stiffness, springlength=rest)
         for side, end, point in zip("ab", ends, points, strict=True):
             site = f"{line.name}_{side}"
-            _add(elements[int(end)], "site", name=site, pos=_numbers(point))
+            _add(elements[int(end)], "site", name=site, pos=numbers(point))
             _add(tendon, "site", site=site)
 
 
@@ -221,7 +221,7 @@ def _add_capsule(element: ElementTree.Element, to: np.ndarray) -> None:
             "geom",
             type="capsule",
             size=_number(_RADIUS),
-            fromto=_numbers([0, 0, 0, *to]),
+            fromto=numbers([0, 0, 0, *to]),
             mass="0",
             contype="0",
             conaffinity="0",
@@ -245,15 +245,16 @@ def _add(parent: ElementTree.Element, tag: str, **attributes: str) -> ElementTre
 
 def _place(placement: pin.SE3) -> dict[str, str]:
     x, y, z, w = pin.Quaternion(placement.rotation).coeffs()
-    return {"pos": _numbers(placement.translation), "quat": _numbers([w, x, y, z])}
+    return {"pos": numbers(placement.translation), "quat": numbers([w, x, y, z])}
 
 
 def _number(x: float) -> str:
     return repr(float(x))  # as it is: MuJoCo reads all digits
 
 
-def _numbers(values: Iterable[float]) -> str:
-    return " ".join(map(_number, values))
+def numbers(values: Iterable[float]) -> str:
+    """Return numbers as an attribute or a text of XML has them; -0 is 0."""
+    return " ".join(_number(x + 0.0) for x in values)
 
 
 def xml_comment(text: str) -> ElementTree.Element[Any]:

@@ -7,14 +7,14 @@ engines hold joints by up to `friction`, Drake reads `damping` alone, and rotors
 from __future__ import annotations
 
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
 
 from pinfric.exporting.constants import JointConstants
-from pinfric.exporting.mjcf import xml_comment, xml_text
+from pinfric.exporting.mjcf import numbers, xml_comment, xml_text
 from pinfric.exporting.tree import Body, bodies, drake_rotor, rotor_inertias
 from pinfric.model.scene import Scene
 
@@ -58,14 +58,14 @@ def sdf(
 def _link(body: Body, name: str) -> ElementTree.Element:
     """A link whose frame is that of its joint."""
     link = ElementTree.Element("link", name=name)
-    _text(link, "pose", _numbers([0.0] * 6), relative_to=body.joint.name)
+    _text(link, "pose", numbers([0.0] * 6), relative_to=body.joint.name)
     inertial = ElementTree.SubElement(link, "inertial")
-    _text(inertial, "pose", _numbers([*body.inertia.lever, 0.0, 0.0, 0.0]))
-    _text(inertial, "mass", _numbers([body.inertia.mass]))
+    _text(inertial, "pose", numbers([*body.inertia.lever, 0.0, 0.0, 0.0]))
+    _text(inertial, "mass", numbers([body.inertia.mass]))
     inertia, I = ElementTree.SubElement(inertial, "inertia"), body.inertia.inertia  # noqa: E741
     for i in range(3):
         for k in range(i, 3):
-            _text(inertia, f"i{'xyz'[i]}{'xyz'[k]}", _numbers([I[i, k]]))
+            _text(inertia, f"i{'xyz'[i]}{'xyz'[k]}", numbers([I[i, k]]))
     return link
 
 
@@ -85,42 +85,38 @@ def _joint(
     _text(
         joint,
         "pose",
-        _numbers([*body.placement.translation, *pin.rpy.matrixToRpy(body.placement.rotation)]),
+        numbers([*body.placement.translation, *pin.rpy.matrixToRpy(body.placement.rotation)]),
         relative_to="__model__" if parent == "world" else parent,
     )
     _text(joint, "parent", parent)
     _text(joint, "child", child)
     axis = ElementTree.SubElement(joint, "axis")
-    _text(axis, "xyz", _numbers(body.axis))
+    _text(axis, "xyz", numbers(body.axis))
     limit = ElementTree.SubElement(axis, "limit")
     for tag, bound in (("lower", body.joint.lower), ("upper", body.joint.upper)):
-        _text(limit, tag, _numbers([bound if np.isfinite(bound) else np.copysign(1e16, bound)]))
+        _text(limit, tag, numbers([bound if np.isfinite(bound) else np.copysign(1e16, bound)]))
     if np.isfinite(body.effort_limit):
-        _text(limit, "effort", _numbers([body.effort_limit]))
+        _text(limit, "effort", numbers([body.effort_limit]))
     if np.isfinite(body.joint.velocity_limit):
-        _text(limit, "velocity", _numbers([body.joint.velocity_limit]))
+        _text(limit, "velocity", numbers([body.joint.velocity_limit]))
     if body.follows is not None:
         leader, ratio, shift = body.follows
         mimic = ElementTree.SubElement(axis, "mimic", joint=leader)
         for tag, value in (("multiplier", ratio), ("offset", shift), ("reference", 0.0)):
-            _text(mimic, tag, _numbers([value]))
+            _text(mimic, tag, numbers([value]))
         law = {"joint": leader, "multiplier": repr(ratio), "offset": repr(shift)}
         ElementTree.SubElement(joint, "drake:mimic", law)  # Drake reads no other
     if constants is None and coil is None:
         return joint
     dynamics = ElementTree.SubElement(axis, "dynamics")
     if constants is not None:
-        _text(dynamics, "damping", _numbers([constants.damping]))
-        _text(dynamics, "friction", _numbers([constants.frictionloss]))
+        _text(dynamics, "damping", numbers([constants.damping]))
+        _text(dynamics, "friction", numbers([constants.frictionloss]))
     if coil is not None:
-        _text(dynamics, "spring_stiffness", _numbers(coil[:1]))
-        _text(dynamics, "spring_reference", _numbers(coil[1:]))
+        _text(dynamics, "spring_stiffness", numbers(coil[:1]))
+        _text(dynamics, "spring_reference", numbers(coil[1:]))
     return joint
 
 
 def _text(parent: ElementTree.Element, tag: str, text: str, **attributes: str) -> None:
     ElementTree.SubElement(parent, tag, attributes).text = text
-
-
-def _numbers(values: Iterable[float]) -> str:
-    return " ".join(repr(float(x) + 0.0) for x in values)

@@ -7,11 +7,9 @@ import xml.etree.ElementTree as ElementTree
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-import numpy as np
-
 from pinfric.errors import PinfricError, PinfricWarning
 from pinfric.exporting.constants import JointConstants
-from pinfric.exporting.mjcf import xml_comment, xml_text
+from pinfric.exporting.mjcf import numbers, xml_comment, xml_text
 from pinfric.exporting.tree import drake_rotor, rotor_inertias
 from pinfric.model.mimics import lock_joints
 from pinfric.model.robot import changed_parts, read_robot
@@ -114,7 +112,7 @@ def _add_rotors(
 def _payload(name: str, payload: Payload) -> tuple[ElementTree.Element, ElementTree.Element]:
     link = ElementTree.Element("link", name=f"payload_{name}")
     inertial = ElementTree.SubElement(link, "inertial")
-    ElementTree.SubElement(inertial, "origin", xyz=_numbers(payload.com))
+    ElementTree.SubElement(inertial, "origin", xyz=numbers(payload.com))
     ElementTree.SubElement(inertial, "mass", value=repr(payload.mass))
     moments = zip(("ixx", "ixy", "ixz", "iyy", "iyz", "izz"), payload.inertia, strict=True)
     ElementTree.SubElement(inertial, "inertia", {key: repr(value) for key, value in moments})
@@ -122,7 +120,3 @@ def _payload(name: str, payload: Payload) -> tuple[ElementTree.Element, ElementT
     ElementTree.SubElement(joint, "parent", link=payload.link)
     ElementTree.SubElement(joint, "child", link=f"payload_{name}")
     return link, joint
-
-
-def _numbers(values: Sequence[float] | np.ndarray) -> str:
-    return " ".join(repr(float(x)) for x in values)

@@ -295,10 +295,15 @@ class SizingReport(Shown):
         return float(t[-1] - t[0])
 
     @property
+    def drives(self) -> tuple[Candidate | None, ...]:
+        """The drives in the model, in the order of `joints`; None where there is none."""
+        taken = (joint.installed for joint in self.joints)
+        return tuple(None if one is None else one.candidate for one in taken)
+
+    @property
     def drive_mass(self) -> float:
         """Mass of all drives taken, kg."""
-        taken = (joint.installed for joint in self.joints)
-        return sum(a.candidate.mass or 0.0 for a in taken if a is not None)
+        return sum(drive.mass or 0.0 for drive in self.drives if drive)
 
     @cached_property
     def criteria(self) -> tuple[tuple[Criterion, ...], ...]:
@@ -314,27 +319,14 @@ class SizingReport(Shown):
     def standstills(self) -> tuple[Standstill, ...]:
         """Holding of each joint without power, and its brake; in the order of `joints`."""
         catalog = self.catalog or Catalog("no catalogue")
-        fitted = [j.installed.candidate.brake if j.installed else "" for j in self.joints]
-        motors = [j.installed.candidate.motor if j.installed else "" for j in self.joints]
-        inside = [bool(j.installed and j.installed.candidate.integrated) for j in self.joints]
-        return standstills(
-            self.result,
-            brakes_of(catalog, self.given),
-            self.conditions,
-            fitted if self.catalog is not None else (),
-            motors,
-            inside,
-        )
+        drives = () if self.catalog is None else self.drives
+        return standstills(self.result, brakes_of(catalog, self.given), self.conditions, drives)
 
     @property
     def notes(self) -> tuple[str, ...]:
         """Assumptions, and what of the needed brakes is not known."""
-        taken = (joint.installed for joint in self.joints)
-        brakes = dict.fromkeys(
-            a.candidate.brake_note
-            for a in taken
-            if a is not None and ": " in a.candidate.brake_note
-        )
+        notes = (drive.brake_note for drive in self.drives if drive)
+        brakes = dict.fromkeys(note for note in notes if ": " in note)
         text = f"Not printed of brakes: {'; '.join(brakes)}."
         if self.catalog is None:
             return self.assumptions
@@ -358,8 +350,7 @@ class SizingReport(Shown):
         """Reversal error of each joint, in the order of `joints`; none where not asked for."""
         if self.conditions.reversal_error is None:
             return ()
-        taken = (joint.installed for joint in self.joints)
-        backlash = [None if a is None else a.candidate.backlash for a in taken]
+        backlash = [drive.backlash if drive else None for drive in self.drives]
         return reversal_criteria(self.scene, self.elastic, self.conditions, backlash)
 
     @cached_property
@@ -385,8 +376,7 @@ class SizingReport(Shown):
     @property
     def not_checked(self) -> int:
         """Number of criteria that lack a figure, of all drives in the model."""
-        taken = (joint.installed for joint in self.joints)
-        return sum(len(one.not_checked) for one in taken if one is not None)
+        return sum(len(joint.installed.not_checked) for joint in self.joints if joint.installed)
 
     def joint(self, name: str) -> JointSizing:
         """Return one joint's sizing by name.
@@ -394,11 +384,10 @@ class SizingReport(Shown):
         Raises:
             SizingError: there is none of that name.
         """
-        for joint in self.joints:
-            if joint.name == name:
-                return joint
-        names = [joint.name for joint in self.joints]
-        raise SizingError(f"there is no drive {name!r}; {choose_from(name, names)}")
+        joints = {joint.name: joint for joint in self.joints}
+        if name not in joints:
+            raise SizingError(f"there is no drive {name!r}; {choose_from(name, joints)}")
+        return joints[name]
 
 
 #: Conditions of the whole robot.
@@ -687,8 +676,7 @@ class _Sizing:
         if len(list(report.duty.parts())) > 1:
             what = "judged for one cycle, not for a duty of several or a rating alone"
             return None, f"stops: {what}"
-        taken = [joint.installed for joint in report.joints]
-        names = sorted({a.candidate.brake for a in taken if a is not None} - {""})
+        names = sorted({drive.brake for drive in report.drives if drive} - {""})
         if slow := [n for n in names if self.catalog.brakes[n].engage_time is None]:
             return None, (
                 f"stops: {', '.join(slow)} of the catalogue has no `engage_time`; give it the time "
@@ -696,7 +684,8 @@ class _Sizing:
             )
         self.progress("stops of the chosen drives")
         motion = self._one_cycle(report.scene, self.robot)
-        products = {j.name: a.candidate.name for j in report.joints if (a := j.installed)}
+        pairs = zip(report.joints, report.drives, strict=True)
+        products = {joint.name: drive.name for joint, drive in pairs if drive}
         load, settings = full_load(report.scene, motion), stop_settings(report.scene, None)
         try:
             return stops_of(Machines(report.scene, settings, load, products), motion), ""

@@ -23,7 +23,7 @@ from pinfric.motions.rating import Rated
 from pinfric.sizing.shelf import Ask, Assessment, stiffness_of
 from pinfric.sizing.size import JointSizing, SizingReport
 from pinfric.sizing.verdict import JointVerdict, Verdict
-from pinfric.stops.summary import StopSummary, stop_summary
+from pinfric.stops.study import StopSummary, stop_summary
 
 #: Criteria that are named of a drive that misses several.
 _MOST_MISSES = 3

@@ -155,8 +155,7 @@ def verdict_of(report: SizingReport) -> Verdict:
         whole += [] if possible else [weighs]
         return Verdict((), (*alone, *whole), "", (legs,) if legs else ())
     # What the scene says of its masses
-    taken = ((i, joint.installed) for i, joint in enumerate(report.joints))
-    masses = {i: a.candidate.mass for i, a in taken if a is not None}
+    masses = {i: drive.mass for i, drive in enumerate(report.drives) if drive}
     held = held_drives(report.given, masses, report.conditions.mass_in_urdf)
     heavy = doubted_masses(held)
     beyond = any(one.share > 1.0 for one in held)  # larger gears for the stops may be the last ones
@@ -270,9 +269,9 @@ def _shared(report: SizingReport, k: int) -> list[Criterion]:
     names, mine = [joint.name for joint in report.joints], report.joints[k].name
     found = []
     for group in report.conditions.same_drive:
-        taken = [report.joints[names.index(name)].installed for name in group]
+        taken = [report.drives[names.index(name)] for name in group]
         if mine in group and report.catalog is not None:
-            alike = len({None if a is None else a.candidate.name for a in taken}) == 1
+            alike = len({drive and drive.name for drive in taken}) == 1
             status, said = Status.PASSES if alike else Status.FAILS, f"by {', '.join(group)}"
             note = said if alike else f"no one drive fits {', '.join(group)}"
             rule = "one motor and gear for the group", "conditions.same_drive"

@@ -16,14 +16,15 @@ from pinfric.drives.criterion import Criterion, Status
 from pinfric.errors import StopError, TrajectoryError
 from pinfric.model.brakes import BRAKE_PEAK
 from pinfric.model.brief import file_name, screen
+from pinfric.model.described import described, gathered, quantity
 from pinfric.model.scene import Scene, expect_scene
 from pinfric.model.schema import Stops
 from pinfric.model.upward import Shown
 from pinfric.motions.trajectory import Trajectory
+from pinfric.stops.axes import AxisStop, StopGrid, axis_stop, stop_grid
 from pinfric.stops.machines import Machines, check_brakes, full_load, stop_settings
 from pinfric.stops.motion import StopMotion
 from pinfric.stops.search import Cycle, Search, Stopped
-from pinfric.stops.summary import AxisStop, StopGrid, axis_stop, stop_grid
 
 #: Parts of the cycle's speed and of its payload that are tabulated (ISO 10218-1, annex B).
 SHARES = (0.33, 0.66, 1.0)
@@ -109,6 +110,45 @@ class StopResult(Shown):
         if self.unmet:
             raise StopError("; ".join(self.unmet))
         return self
+
+
+@described
+class StopSummary:
+    """The stops of a cycle."""
+
+    trajectory: str = quantity("the cycle's file")
+    category: int = quantity("of IEC 60204-1")
+    reaction_time: float = quantity("from the command until the drives react", "s")
+    friction: tuple[float, float] = quantity("least and greatest factor on all friction")
+    payload: tuple[str, ...] = quantity("payloads of the full load")
+    time: float = quantity("longest time from the command until all is at rest", "s")
+    command: float = quantity("when in the cycle that stop is commanded", "s")
+    path: float | None = quantity("longest way of the tool; none: the scene has no tool", "m")
+    path_command: float | None = quantity("when in the cycle that stop is commanded", "s")
+    axes: tuple[AxisStop, ...] = quantity("the worst of each drive's joint")
+    grid: tuple[StopGrid, ...] = quantity("by payload and speed, at each joint's worst samples")
+    stops: int = quantity("number of stops simulated")
+    unmet: tuple[str, ...] = quantity("criteria that are not met")
+    notes: tuple[str, ...] = quantity("what is assumed, and what is not known")
+
+
+def stop_summary(result: StopResult) -> StopSummary:
+    """Return what `pinfric stop` prints and writes."""
+    longest, farthest = result.longest, result.farthest
+    return gathered(
+        StopSummary,
+        result,
+        trajectory=result.trajectory.source,
+        category=result.settings.category,
+        reaction_time=result.settings.reaction_time,
+        friction=result.settings.friction,
+        payload=result.search.machines.full,
+        time=longest.time,
+        command=longest.command,
+        path=None if farthest is None else farthest.path,
+        path_command=None if farthest is None else farthest.command,
+        stops=len(result.search.found),
+    )
 
 
 def stop(

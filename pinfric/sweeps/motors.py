@@ -42,25 +42,19 @@ class Trial:
 
     Attributes:
         drive: which drive it moves. actuator: its column.
-        name: in the catalogue.
         candidate: motor and gear, as rated. conditions: what is demanded.
         continuous_torque, peak_torque: at the motor's shaft, N m, the first at the ambient
             temperature of the conditions; None where not known.
-        ratio: motor turns per joint turn.
         checks: the criteria of `size` it is held against.
-        mass: kg; None where not known.
     """
 
     drive: str
     actuator: int
-    name: str
     candidate: Candidate
     conditions: Conditions
     continuous_torque: float | None
     peak_torque: float | None
-    ratio: float
     checks: tuple[str, ...]
-    mass: float | None
 
     def verdict(
         self, result: InverseResult, holding: np.ndarray, inertias: np.ndarray | None
@@ -153,15 +147,5 @@ def _trial(scene: Scene, catalog: Catalog, conditions: Conditions, joint: str, n
     continuous, peak = (None if np.isnan(x) else x for x in torques)
     # what is required is found on a drive that does nothing
     found = check(candidate, None, judged.case)
-    return Trial(
-        joint,
-        actuator,
-        name,
-        candidate,
-        conditions,
-        continuous,
-        peak,
-        ratio=candidate.transmission.ratio,
-        checks=tuple(c.name for c in found if c.status != Status.NOT_REQUIRED),
-        mass=candidate.mass,
-    )
+    checks = tuple(c.name for c in found if c.status != Status.NOT_REQUIRED)
+    return Trial(joint, actuator, candidate, conditions, continuous, peak, checks)

@@ -156,6 +156,9 @@ def _on_trial(result: SweepResult, trial: Trial) -> MotorOnTrial:
     return gathered(
         MotorOnTrial,
         trial,
+        name=trial.candidate.name,
+        ratio=trial.candidate.ratio,
+        mass=trial.candidate.mass,
         suffices=result.probability(result.sufficing(trial)),
         criteria={name: result.probability(mask) for name, mask in trial.met(result).items()},
         not_checked=trial.not_checked(result),

@@ -325,7 +325,7 @@ def test_only_a_linear_motor_has_no_shaft(joint):
     report = pf.size(scene, motion)
     (found,) = report.standstills
     assert (found.shaft is None) == slides
-    (chosen,) = standstills(report.result, {}, Conditions(), [""])
+    (chosen,) = standstills(report.result, {}, Conditions(), [None])
     assert (chosen.torque.status == Status.FAILS) == slides  # its load would fall
     assert ("no shaft for a brake" in chosen.torque.note) == slides
     assert found.effort == pytest.approx((2.0 * 9.81,) * 2 if slides else (0.0, 0.0), abs=1e-12)

@@ -343,7 +343,7 @@ def test_named_drive_brings_its_gear(tmp_path):
         },
     )
     trial = geared.trials[0]
-    assert trial.ratio == GEAR["ratio"]
+    assert trial.candidate.ratio == GEAR["ratio"]
     assert trial.continuous_torque == MOTOR["continuous_torque"]
     chosen = dataclasses.replace(
         scene, actuators=[{"joint": name, "transmission": drive.transmission.model_dump()}]

@@ -102,8 +102,7 @@ def sizing_page(report: SizingReport, command: str = "", inputs: Iterable[str | 
         if value is not None and value != {}:
             shown = f"{value:g}" if isinstance(value, float) else str(value)
             said.append(f"{name} {shown}{given}")
-    taken = (joint.installed for joint in report.joints)
-    documents = by_text(line for one in taken if one for line in one.candidate.sources)
+    documents = by_text(line for drive in report.drives if drive for line in drive.sources)
     return page(
         "sizing",
         report.scene.actuator_names,

@@ -10,8 +10,7 @@ from pinfric.show.figure.stop import axis_pictures
 from pinfric.show.pages.page import page
 from pinfric.show.report.rows import table_of
 from pinfric.show.report.stop import axes_table, grid_table, how, not_checked, verdict
-from pinfric.stops.study import StopResult
-from pinfric.stops.summary import stop_summary
+from pinfric.stops.study import StopResult, stop_summary
 
 
 def stop_page(result: StopResult) -> str:

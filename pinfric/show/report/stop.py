@@ -9,7 +9,7 @@ from pinfric.model.brief import counted
 from pinfric.show.report.rows import table_of
 from pinfric.show.report.tables import Report, Table, paragraphs
 from pinfric.show.report.values import digits
-from pinfric.stops.summary import StopSummary
+from pinfric.stops.study import StopSummary
 
 
 def stop_report(

@@ -156,7 +156,7 @@ def _trial_notes(result: SweepResult) -> list[str]:
             lines.append(f"{trial.drive}: {', '.join(missing)} not checked: no figure")
     if result.trials:
         masses = ", ".join(
-            f"{t.drive} " + ("not known" if t.mass is None else f"{digits(t.mass)} kg")
+            f"{t.drive} {'not known' if (m := t.candidate.mass) is None else f'{digits(m)} kg'}"
             for t in result.trials
         )
         lines.append(

@@ -1,21 +1,17 @@
-"""What stops come to: the worst of each axis, the table by speed and payload, criteria."""
+"""What the stops of one axis come to: the worst, the table by speed and payload, criteria."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pinfric.drives.criterion import Criterion, compare
 from pinfric.model.brakes import HoldingBrake
-from pinfric.model.described import EFFORT, PLACE, described, gathered, quantity
+from pinfric.model.described import EFFORT, PLACE, described, quantity
 from pinfric.motions.summary import effort_unit
 from pinfric.stops.machines import UNLIMITED, Kind
 from pinfric.stops.search import Case, Search, Stopped
-
-if TYPE_CHECKING:  # it is above this module
-    from pinfric.stops.study import StopResult
 
 #: A joint beyond its limit by less than this (rad or m) is still at it, to rounding.
 _TOUCHES = 1e-6
@@ -56,45 +52,6 @@ class StopGrid:
     load: str = quantity("payload", heading="payload")
     time: Mapping[str, float] = quantity("time from the command to rest", "s", "time at\n{} %")
     travel: Mapping[str, float] = quantity("distance from the command", PLACE, "travel at\n{} %")
-
-
-@described
-class StopSummary:
-    """The stops of a cycle."""
-
-    trajectory: str = quantity("the cycle's file")
-    category: int = quantity("of IEC 60204-1")
-    reaction_time: float = quantity("from the command until the drives react", "s")
-    friction: tuple[float, float] = quantity("least and greatest factor on all friction")
-    payload: tuple[str, ...] = quantity("payloads of the full load")
-    time: float = quantity("longest time from the command until all is at rest", "s")
-    command: float = quantity("when in the cycle that stop is commanded", "s")
-    path: float | None = quantity("longest way of the tool; none: the scene has no tool", "m")
-    path_command: float | None = quantity("when in the cycle that stop is commanded", "s")
-    axes: tuple[AxisStop, ...] = quantity("the worst of each drive's joint")
-    grid: tuple[StopGrid, ...] = quantity("by payload and speed, at each joint's worst samples")
-    stops: int = quantity("number of stops simulated")
-    unmet: tuple[str, ...] = quantity("criteria that are not met")
-    notes: tuple[str, ...] = quantity("what is assumed, and what is not known")
-
-
-def stop_summary(result: StopResult) -> StopSummary:
-    """Return what `pinfric stop` prints and writes."""
-    longest, farthest = result.longest, result.farthest
-    return gathered(
-        StopSummary,
-        result,
-        trajectory=result.trajectory.source,
-        category=result.settings.category,
-        reaction_time=result.settings.reaction_time,
-        friction=result.settings.friction,
-        payload=result.search.machines.full,
-        time=longest.time,
-        command=longest.command,
-        path=None if farthest is None else farthest.path,
-        path_command=None if farthest is None else farthest.command,
-        stops=len(result.search.found),
-    )
 
 
 def axis_stop(search: Search, drive: int) -> AxisStop:
