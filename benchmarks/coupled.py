@@ -32,7 +32,7 @@ from pinfric.friction.dense import solve_dense
 from pinfric.kernels.compiled import kernel
 from pinfric.model.described import described, quantity
 from pinfric.show.report.rows import text_of
-from pinfric.show.report.tables import Column, Kind, Table
+from pinfric.show.report.tables import Column, ColumnKind, Table
 from pinfric.show.report.values import digits, power_of_ten
 
 #: Coefficients of friction as shares of those at which the mechanism jams.
@@ -300,7 +300,7 @@ def table(title: str, runs: Sequence[CoupledRun]) -> Table:
     columns = (
         Column("mu / mu\nat jam"),
         Column("contrac-\ntion"),
-        Column("solver", Kind.LABEL),
+        Column("solver", ColumnKind.LABEL),
         *(Column(f"passes\n{power_of_ten(tolerance, 0)}") for tolerance in tolerances),
         Column("error\nleft"),
         Column("time\nus"),

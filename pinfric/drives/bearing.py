@@ -33,7 +33,7 @@ class Factors(Entry):
     static: tuple[NonNegative, NonNegative] = key("X_0 and Y_0", [1.0, 0.44], "1")
 
 
-class Kind(NamedTuple):
+class BearingKind(NamedTuple):
     """Formulas for a kind of bearing: exponent of mean load and life, factors, source.
 
     `factors` None: the maker's, in the entry.
@@ -46,19 +46,19 @@ class Kind(NamedTuple):
 
 _ISO = "ISO 281 (life), ISO 76 (static)"
 KINDS = {
-    "crossed roller": Kind(
+    "crossed roller": BearingKind(
         ROLLER,
         Factors(limit=1.5, below=(1.0, 0.45), above=(0.67, 0.67), static=(1.0, 0.44)),
         "Harmonic Drive, output bearing: FHA-C manual; IKO crossed roller bearings: the same",
     ),
-    "ball": Kind(BALL, None, _ISO),
-    "roller": Kind(ROLLER, None, _ISO),
-    "ball screw": Kind(
+    "ball": BearingKind(BALL, None, _ISO),
+    "roller": BearingKind(ROLLER, None, _ISO),
+    "ball screw": BearingKind(
         BALL,
         Factors(limit=0.0, below=(0.0, 1.0), above=(0.0, 1.0), static=(0.0, 1.0)),
         "ISO 3408-5 (ball screws: as ISO 281)",
     ),
-    "linear guide": Kind(
+    "linear guide": BearingKind(
         BALL, None, "THK LM Guide, static safety factor; PBC Linear, load calculation factors"
     ),
 }

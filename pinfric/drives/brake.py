@@ -195,7 +195,7 @@ def _rounded(result: InverseResult, effort: np.ndarray) -> np.ndarray:
     return np.where(np.abs(effort) <= _NOTHING * most, 0.0, effort)
 
 
-class Rest(NamedTuple):
+class RestDemand(NamedTuple):
     """What decides whether a joint needs a brake, and how strong a one.
 
     Attributes:
@@ -250,18 +250,18 @@ class Rest(NamedTuple):
         return STOP_TIME if stopped else np.inf
 
 
-def rest_of(scene: Scene, i: int, load: np.ndarray, peak: float, speed: float) -> Rest:
+def rest_of(scene: Scene, i: int, load: np.ndarray, peak: float, speed: float) -> RestDemand:
     """Return what a joint that stands still asks of a brake.
 
     Args:
-        scene: the robot. i: the drive's column. load: (T,) as of `Rest`. peak: its largest effort.
+        i: the drive's column. load: (T,) as of `RestDemand`. peak: its largest effort.
         speed: its largest, rad/s (m/s).
     """
     drive, guesses = scene.drives[i], () if scene.assumed is None else scene.assumed.values
     unsure = any(place.startswith(("robot.masses", "robot.payloads")) for place in guesses)
     own = own_friction(scene, drive.name)
     moves = speed > drive_stick_velocity(scene, drive)
-    return Rest(load, peak, own, moves, scene.stops is not None, unsure)
+    return RestDemand(load, peak, own, moves, scene.stops is not None, unsure)
 
 
 class Stop(NamedTuple):
@@ -386,7 +386,7 @@ def _torque(
     stop: Stop | None,
     name: str | None,
     brakes: Mapping[str, Brake],
-    given: tuple[Rest, Conditions],
+    given: tuple[RestDemand, Conditions],
     needed: bool,
     chosen: bool,
 ) -> Criterion:

@@ -78,7 +78,7 @@ class Thermal(Entry):
     )
 
 
-class Rated(Sourced):
+class RatedEntry(Sourced):
     """Temperatures to which continuous ratings refer."""
 
     rated_ambient: Number = key(
@@ -97,7 +97,7 @@ class Rated(Sourced):
     )
 
     @model_validator(mode="after")
-    def _curve_rises_in_temperature(self) -> Rated:
+    def _curve_rises_in_temperature(self) -> RatedEntry:
         _rising(self, "ambient_curve", "deg C, part")
         return self
 
@@ -156,7 +156,7 @@ class Stepper(Entry):
         return self
 
 
-class Motor(Rated):
+class Motor(RatedEntry):
     """A motor: torques and speeds at its shaft."""
 
     continuous_torque: Positive | None = optional("continuous torque", 0.45, "N m")
@@ -259,7 +259,7 @@ class OutputFriction(Entry):
     viscous: NonNegative = key("per speed of the output", 0.2, "N m s/rad or N s/m", default=0.0)
 
 
-class GearMotor(Rated):
+class GearMotor(RatedEntry):
     """Motor and gear in one: torques, speeds and friction at the output, rotor at the motor.
 
     Where `output` is linear these are N, m/s and, of a linear motor (ratio 1), the mass that moves

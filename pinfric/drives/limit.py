@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from pinfric.drives.bearing import BearingRatings
-from pinfric.drives.brake import Rest
+from pinfric.drives.brake import RestDemand
 from pinfric.drives.catalog import Gear
 from pinfric.drives.criterion import Criterion, Status, compare
 from pinfric.drives.demand import DriveCycle, GearDemand, largest
@@ -50,7 +50,7 @@ MOTOR_FIGURES = (
 )
 
 
-class Case(NamedTuple):
+class JointCase(NamedTuple):
     """The data by which a joint's candidates are checked.
 
     Attributes:
@@ -71,21 +71,21 @@ class Case(NamedTuple):
     load_inertia: float | None
     hand: bool
     conditions: Conditions
-    rest: Rest | None = None
+    rest: RestDemand | None = None
     swung: float | None = None
     stop_effort: float = np.nan
     stop_note: str = ""
     braking: tuple[DriveCycle, ...] = ()
 
 
-def idle(conditions: Conditions, hand: bool = False) -> Case:
+def idle(conditions: Conditions, hand: bool = False) -> JointCase:
     """Return the case of a joint that does nothing: what its drive must have is seen without."""
     nothing, still = np.zeros(2), np.ones(2, dtype=bool)
     cycle = DriveCycle(
         np.arange(2.0), nothing, nothing, nothing, nothing, nothing, still, still, 0.0
     )
     demand = GearDemand("", "", 0.0, 0.0, 0.0, 0.0, bearing=None, travel=0.0, guide=None)
-    return Case(demand, cycle, None, hand, conditions)
+    return JointCase(demand, cycle, None, hand, conditions)
 
 
 def number(value: float | None) -> float:
@@ -126,7 +126,7 @@ class Drives:
         one: the drive, where it is one.
     """
 
-    case: Case
+    case: JointCase
     gear: SimpleNamespace
     motor: SimpleNamespace
     asked: SimpleNamespace
@@ -199,7 +199,7 @@ _NOTHING_ASKED = (
 )
 
 
-def drive(candidate: Candidate, motor: MotorCycle | None, case: Case) -> Drives:
+def drive(candidate: Candidate, motor: MotorCycle | None, case: JointCase) -> Drives:
     """Return one drive as rows read it.
 
     Args:

@@ -36,9 +36,9 @@ from pinfric.drives.limit import (
     GEAR_FIGURES,
     MOTOR_FIGURES,
     SIGNALS,
-    Case,
     Drives,
     Figure,
+    JointCase,
     Limit,
     Value,
     drive,
@@ -847,7 +847,7 @@ LIMITS: list[Limit] = [*MOTOR_LIMITS, *GEAR_LIMITS, *BEARING_LIMITS, *JOINT_LIMI
 OWN_LIMITS = len(LIMITS)
 
 
-def check(candidate: Candidate, motor: MotorCycle | None, case: Case) -> tuple[Criterion, ...]:
+def check(candidate: Candidate, motor: MotorCycle | None, case: JointCase) -> tuple[Criterion, ...]:
     """Return every criterion of a drive, in the order of the table.
 
     Args:

@@ -12,7 +12,7 @@ from pinfric.drives.catalog import Amplifier, Catalog
 from pinfric.drives.criterion import Criterion
 from pinfric.drives.demand import drive_cycle, gear_demand
 from pinfric.drives.drivetrain import Candidate, find_drive, motor_cycle
-from pinfric.drives.limit import Case
+from pinfric.drives.limit import JointCase
 from pinfric.drives.limits import check
 from pinfric.drives.policy import BASE_AXES, OTHERS, Conditions
 from pinfric.drives.robot import depth
@@ -59,7 +59,7 @@ def criteria_over(
     demand = gear_demand(result, actuator, cycle, carried=candidate.carried)
     hand = depth(result.scene, actuator) > BASE_AXES
     motor = motor_cycle(candidate, cycle, conditions)
-    return check(candidate, motor, Case(demand, cycle, inertia, hand, conditions))
+    return check(candidate, motor, JointCase(demand, cycle, inertia, hand, conditions))
 
 
 def own_parts(

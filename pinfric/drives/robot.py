@@ -28,7 +28,7 @@ from pinfric.drives.drivetrain import Candidate
 from pinfric.drives.duty import Schedule
 from pinfric.drives.friction import without_drives
 from pinfric.drives.inertia import joint_inertias
-from pinfric.drives.limit import Case
+from pinfric.drives.limit import JointCase
 from pinfric.drives.policy import BASE_AXES, Conditions
 from pinfric.drives.rated import RatedCycle
 from pinfric.dynamics.inverse.inverse import inverse_dynamics
@@ -63,7 +63,7 @@ class _Point:
 class _Solved:
     """The exact solution with some masses."""
 
-    def __init__(self, robot: Robot, masses: Masses) -> None:
+    def __init__(self, robot: DrivenRobot, masses: Masses) -> None:
         self.masses = dict(masses)
         self.scene = with_masses(robot.scene, masses)
         self.result = inverse_dynamics(self.scene, robot.motion)
@@ -101,7 +101,7 @@ def _check_known(result: InverseResult) -> None:
     raise SizingError(f"{result.scene.source}: sample {i} of {len(unknown)} {what}")
 
 
-class Robot:
+class DrivenRobot:
     """A robot along its cycle, with any masses of its drives.
 
     Args:
@@ -140,7 +140,7 @@ class Robot:
         """Return a drive's samples without the mass of any drive; see `case`."""
         return drive_cycle(self.base.result, i, self.holding, means or self.duty)
 
-    def case(self, i: int, masses: Masses, means: Schedule | None = None) -> Case:
+    def case(self, i: int, masses: Masses, means: Schedule | None = None) -> JointCase:
         """Return a joint with the masses of the drives beyond it.
 
         Args:
@@ -180,7 +180,7 @@ class Robot:
             if inertia_max is not None and own is not None:
                 swung = float(own[self.rating.own].max(initial=0.0))
         still = rest_of(self.scene, i, rest, demand.peak, demand.speed)
-        return Case(demand, cycle, inertia_max, hand, self.conditions, still, swung)
+        return JointCase(demand, cycle, inertia_max, hand, self.conditions, still, swung)
 
     def _point(self, k: int) -> _Point:
         """What 1 kg at a drive adds (see the module)."""

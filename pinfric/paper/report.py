@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from pinfric.paper.reproduction import CLOSED_LOOP, READINGS, LiteralReading, Reproduction
-from pinfric.show.report.tables import Column, Kind, Table
+from pinfric.show.report.tables import Column, ColumnKind, Table
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -73,7 +73,7 @@ def literal_report(found: Sequence[LiteralReading]) -> list[RenderableType]:
 
 
 def _table(title: str, names: Sequence[str], rows: dict[str, list[str]]) -> Table:
-    columns = (Column("", Kind.WORDS), *map(Column, names))
+    columns = (Column("", ColumnKind.WORDS), *map(Column, names))
     return Table(title, columns, [(claim, *cells) for claim, cells in rows.items()])
 
 

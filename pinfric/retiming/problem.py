@@ -43,7 +43,7 @@ class Policy:
 
 
 @dataclass(frozen=True)
-class Problem:
+class PathProblem:
     """A grid with everything that limits the speed along it.
 
     Attributes:

@@ -31,7 +31,7 @@ from pinfric.motions.summary import rms
 from pinfric.motions.trajectory import Trajectory
 from pinfric.retiming.limits import DriveLimits, LimitsLike, limited_scene, read_limits
 from pinfric.retiming.path import Path, check_limits, load_path
-from pinfric.retiming.problem import Policy, Problem, modes, usage
+from pinfric.retiming.problem import PathProblem, Policy, modes, usage
 from pinfric.retiming.profile import Profile, Samples, columns_to_velocities, sample
 from pinfric.retiming.scan import box_scan, limit_curve
 from pinfric.retiming.tables import (
@@ -42,7 +42,7 @@ from pinfric.retiming.tables import (
     natural_points,
     rates_of,
 )
-from pinfric.retiming.thermal import Cycle, within_continuous
+from pinfric.retiming.thermal import HeatBudget, within_continuous
 
 #: Where the inside of an interval is judged.
 _INSIDE = np.array([0.02, 0.25, 0.5, 0.75, 0.98])
@@ -88,7 +88,7 @@ class RetimeResult(Shown):
     limiting: dict[str, dict[str, float]]
     excess: float
     usage: np.ndarray
-    problem: Problem
+    problem: PathProblem
     profile: Profile
     rms: np.ndarray | None = None
     uniform: float | None = None
@@ -330,7 +330,7 @@ class _Retiming:
         if heat and cold:
             yield f"heat is not checked for {', '.join(cold)}: no continuous torque is known"
 
-    def solve(self, points: int) -> tuple[Problem, Profile, Samples]:
+    def solve(self, points: int) -> tuple[PathProblem, Profile, Samples]:
         """Solve; where no way is found, on finer grids: between far points it can be missed."""
         for finer in _FINER:
             try:
@@ -340,7 +340,7 @@ class _Retiming:
                 self.constant, self.zones = [], []
         raise last
 
-    def problem(self, points: list[np.ndarray]) -> Problem:
+    def problem(self, points: list[np.ndarray]) -> PathProblem:
         """The problem on a grid."""
         grid = make_grid(self.scene, self.path, self.columns, points)
         middle, piece = 0.5 * (grid.s[grid.start] + grid.s[grid.end]), grid.piece[grid.start]
@@ -355,7 +355,7 @@ class _Retiming:
                 most[inside] = np.maximum(most[inside], used)
             share /= most
         tables = make_tables(self.scene, self.path, self.columns, grid)
-        return Problem(
+        return PathProblem(
             self.scene,
             self.path,
             self.columns,
@@ -390,7 +390,7 @@ class _Retiming:
         ]
         return self.problem(grids).solve()
 
-    def refine(self, coarse: Profile, points: int) -> tuple[Problem, Profile, Samples]:
+    def refine(self, coarse: Profile, points: int) -> tuple[PathProblem, Profile, Samples]:
         """Solve on the final grid, cut intervals over a limit in two, up to `_ROUNDS` times."""
         self.zones = self._zones(coarse)
         share = coarse.duration / coarse.duration.sum()
@@ -444,7 +444,7 @@ class _Retiming:
         return found
 
     def _cut(
-        self, problem: Problem, profile: Profile, samples: Samples, grids: list[np.ndarray]
+        self, problem: PathProblem, profile: Profile, samples: Samples, grids: list[np.ndarray]
     ) -> bool:
         """Cut the intervals in which a limit is exceeded; False where there are none."""
         grid, most = problem.grid, 1.0 + 0.5 * self.policy.tolerance
@@ -496,7 +496,7 @@ class _Retiming:
         )
 
     def cool(
-        self, problem: Problem, fast: Profile, smooth: float
+        self, problem: PathProblem, fast: Profile, smooth: float
     ) -> tuple[Profile, float, np.ndarray]:
         """Keep continuous torques, as the samples show them; and the uniform motion's duration."""
         limit = np.array([x.over_time[0] for x in self.limits])
@@ -509,7 +509,7 @@ class _Retiming:
         stay = np.array(path.holds)
         asked, near = limit, 0.5 * self.policy.tolerance
         for _ in range(4):
-            cycle = Cycle(asked, stay @ torque**2, float(stay.sum()))
+            cycle = HeatBudget(asked, stay @ torque**2, float(stay.sum()))
             profile, uniform = within_continuous(problem, fast, cycle)
             use = self.heat_used(sample(path, profile, self.policy.sample_rate, smooth))
             least = 0.0 if profile is fast else 1.0 - near  # smoothing cools: there may be room
@@ -526,7 +526,7 @@ class _Retiming:
 
     def result(
         self,
-        problem: Problem,
+        problem: PathProblem,
         profile: Profile,
         samples: Samples,
         smooth: float,

@@ -18,7 +18,7 @@ from scipy.linalg import solveh_banded
 from scipy.optimize import brentq
 
 from pinfric.errors import RetimeError
-from pinfric.retiming.problem import Problem
+from pinfric.retiming.problem import PathProblem
 from pinfric.retiming.profile import Profile
 from pinfric.retiming.scan import box_scan, ranges, torques
 
@@ -34,7 +34,7 @@ _ROOM = 0.97
 
 
 @dataclass(frozen=True)
-class Cycle:
+class HeatBudget:
     """What counts over the cycle beside its moves.
 
     Attributes:
@@ -48,7 +48,9 @@ class Cycle:
     hold_time: float
 
 
-def within_continuous(problem: Problem, fast: Profile, cycle: Cycle) -> tuple[Profile, float]:
+def within_continuous(
+    problem: PathProblem, fast: Profile, cycle: HeatBudget
+) -> tuple[Profile, float]:
     """Return the fastest profile within the continuous torques, and the uniform one's duration.
 
     Args:
@@ -77,7 +79,7 @@ def within_continuous(problem: Problem, fast: Profile, cycle: Cycle) -> tuple[Pr
 class _Barrier:
     """Duration, torques and constraints of a profile, with derivatives."""
 
-    def __init__(self, problem: Problem, cycle: Cycle) -> None:
+    def __init__(self, problem: PathProblem, cycle: HeatBudget) -> None:
         grid = problem.grid
         constant = replace(problem, constant=np.ones(len(grid.step), dtype=bool))
         scan = constant.scan()

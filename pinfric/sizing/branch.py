@@ -20,7 +20,7 @@ import numpy as np
 _POSES = 8
 
 
-class Arm:
+class SwingingArm:
     """Mass matrices along a motion, linear in the drives' masses.
 
     Args:
@@ -57,7 +57,7 @@ class Arm:
 
 
 def stiff_enough(
-    arm: Arm, fronts: Sequence[Sequence[tuple[float, float, float]]]
+    arm: SwingingArm, fronts: Sequence[Sequence[tuple[float, float, float]]]
 ) -> tuple[list[int] | None, int]:
     """Return the lightest choice, one of each front, and how many sets were looked at.
 

@@ -27,7 +27,7 @@ from pinfric.drives.limit import Drives
 from pinfric.drives.policy import BEARING, EXTRA_INERTIAS, HOBBY, OWN_BEARING, PROVISIONAL
 
 if TYPE_CHECKING:  # it is above this module
-    from pinfric.sizing.shelf import Assessment, Search
+    from pinfric.sizing.shelf import Assessment, DriveSearch
 
 #: Drives that are judged in full, the lightest of fewest missing figures first.
 _TRIED = 200
@@ -37,7 +37,7 @@ _HEAT = ("continuous torque", "short-term torque", "overloaded standstill", "sta
 _DOUBLINGS, _HALVINGS = 20, 12
 
 
-def provisional(search: Search) -> Assessment | None:
+def provisional(search: DriveSearch) -> Assessment | None:
     """Return the drive of fewest missing figures, then the lightest, all of whose known rows pass.
 
     Its `would` says of each missing figure what it must be.
@@ -56,7 +56,7 @@ def _by_stall(entry: Gear | GearMotor) -> bool:
     return isinstance(entry, GearMotor) and entry.continuous_torque is None
 
 
-def _offers(search: Search) -> Iterator[tuple[int, float, int, int, int]]:
+def _offers(search: DriveSearch) -> Iterator[tuple[int, float, int, int, int]]:
     """Missing figures, mass, block, gear and motor of what no bound rules out."""
     for b, block in enumerate(search.shelf.blocks):
         for g in range(len(block.names)):
@@ -76,7 +76,7 @@ def _offers(search: Search) -> Iterator[tuple[int, float, int, int, int]]:
                     yield len(lacks), float(mass[m]), b, g, m
 
 
-def _judged(search: Search, b: int, g: int, m: int, hot: bool) -> Assessment | None:
+def _judged(search: DriveSearch, b: int, g: int, m: int, hot: bool) -> Assessment | None:
     """A drive with stand-ins for what its maker does not print; None: it does not fit.
 
     `hot`: of a hobby servo only, and the rows of its heat may fail.

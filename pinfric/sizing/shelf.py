@@ -40,8 +40,8 @@ from pinfric.drives.drivetrain import (
 from pinfric.drives.limit import (
     GEAR_FIGURES,
     MOTOR_FIGURES,
-    Case,
     Drives,
+    JointCase,
     Limit,
     columns,
     drive,
@@ -188,7 +188,7 @@ class Ask:
 
 
 @dataclass
-class _Block:
+class _Group:
     """Gears (rows) with motors (columns), or gearmotors (rows) alone.
 
     Attributes:
@@ -329,7 +329,7 @@ def _of_gears(
     gears: list[tuple[str, Gear, float]],
     motors: Mapping[str, Motor],
     conditions: Conditions,
-) -> _Block:
+) -> _Group:
     entries, names = [gear for _, gear, _ in gears], list(motors)
     ratings = [ratings_of(motor) for motor in motors.values()]
     listed = list(motors.values())
@@ -350,7 +350,7 @@ def _of_gears(
             cache[key] = np.array([entry.takes(name, motor) for name, motor in pairs])
         return cache[key]
 
-    return _Block(
+    return _Group(
         gear=gear,
         motor=columns(ratings, MOTOR_FIGURES),
         ratio=np.array([ratio for _, _, ratio in gears])[:, None],
@@ -398,7 +398,7 @@ def _with_rotor(entry: GearMotor) -> GearMotor:
     return entry if known else entry.model_copy(update={"rotor_inertia": 1e-12})
 
 
-def _of_gearmotors(alone: list[tuple[str, GearMotor]], conditions: Conditions) -> _Block:
+def _of_gearmotors(alone: list[tuple[str, GearMotor]], conditions: Conditions) -> _Group:
     entries = [entry for _, entry in alone]
     ratings = [ratings_of(entry) for entry in entries]
     own = columns(entries, ("mass", "rotor_inertia", "ratio"))
@@ -406,7 +406,7 @@ def _of_gearmotors(alone: list[tuple[str, GearMotor]], conditions: Conditions) -
         SimpleNamespace(**{k: v[:, None] for k, v in vars(columns(of, figures)).items()})
         for of, figures in ((entries, GEAR_FIGURES), (ratings, MOTOR_FIGURES))
     )
-    return _Block(
+    return _Group(
         gear=gear,
         motor=motor,
         ratio=own.ratio[:, None],
@@ -434,7 +434,7 @@ class _Row:
     """A gear at a joint: its losses over the cycle, the brakes that its drives may get.
 
     Attributes:
-        ends: (T,) twice, torques at the input without rotor. numbers: of the bounds, see `Search`.
+        ends: (T,) twice, torques at the input without rotor. numbers: of the bounds.
         brakes: of each kin of motors that drives may get, the smallest first; None: none.
         margin: the least of its own rows.
     """
@@ -445,7 +445,7 @@ class _Row:
     margin: float
 
 
-class Search:
+class DriveSearch:
     """The drives of a shelf at one joint.
 
     Args:
@@ -454,14 +454,14 @@ class Search:
     """
 
     def __init__(
-        self, shelf: Shelf, case: Case, parts: Parts, beside: Sequence[Search] = ()
+        self, shelf: Shelf, case: JointCase, parts: Parts, beside: Sequence[DriveSearch] = ()
     ) -> None:
         self.shelf, self.case, self.parts, self.beside = shelf, case, parts, beside
         self._rows: dict[tuple[int, int], _Row] = {}
         self._source, self._found = self._offers(), list[tuple[float, float, int, int, int]]()
         self._judged: dict[tuple[int, int, int], Assessment] = {}
 
-    def gear_lacks(self, block: _Block, g: int) -> tuple[str, ...]:
+    def gear_lacks(self, block: _Group, g: int) -> tuple[str, ...]:
         """Return the figures that a gear lacks, beside what the joint has of its own."""
         own = self.parts.own
         figures = [
@@ -474,7 +474,7 @@ class Search:
             figures += [f"{figure}, of its amplifier" for figure in asked]
         return tuple(figures)
 
-    def _of_gears(self, block: _Block) -> np.ndarray:
+    def _of_gears(self, block: _Group) -> np.ndarray:
         """(ng,) the least margin of the rows of gears alone; infinite where none is known."""
         blank = SimpleNamespace()
         nan = np.nan
@@ -517,7 +517,7 @@ class Search:
         self._rows[b, g] = row
         return row
 
-    def _brakes(self, block: _Block, g: int, bare: Candidate) -> list[list[Brake | None]]:
+    def _brakes(self, block: _Group, g: int, bare: Candidate) -> list[list[Brake | None]]:
         """Of each kin of motors the brakes that a drive may get: more than one by stop energy.
 
         The energy of a stop, T_b (J omega^2 + 2 omega T t + T^2 t^2/J)/2/(T_b - T) with the load T,
@@ -559,7 +559,7 @@ class Search:
     def holding_torque(self, drive_: Candidate) -> float | None:
         """Return what a brake at the shaft must hold, N m; None where none is needed.
 
-        brake_factor max |load|/ratio at rest, friction left out (`brake.Rest`).
+        brake_factor max |load|/ratio at rest, friction left out (`brake.RestDemand`).
         """
         rest, conditions, gear = self.case.rest, self.case.conditions, drive_.transmission
         if rest is None or (drive_.linear and drive_.at_output):
@@ -615,7 +615,7 @@ class Search:
             lightest = np.minimum(lightest, block.mass[gears] + heavier)
         return best, lightest
 
-    def _least_pull_out(self, block: _Block, ends: Sequence[tuple[np.ndarray, ...]]) -> np.ndarray:
+    def _least_pull_out(self, block: _Group, ends: Sequence[tuple[np.ndarray, ...]]) -> np.ndarray:
         """(n, nm) bounds of the shares of pull-out torques that samples take; NaN: no stepper."""
         found = np.full(ends[0][0].shape, np.nan)
         bus, slow = self.case.conditions.bus_voltage, self.case.cycle.stick_velocity

@@ -35,7 +35,7 @@ from pinfric.drives.drivetrain import Candidate, MotorCycle, line_voltage, motor
 from pinfric.drives.duty import Duty, Schedule, once
 from pinfric.drives.friction import without_drives
 from pinfric.drives.held import held_drives
-from pinfric.drives.limit import Case
+from pinfric.drives.limit import JointCase
 from pinfric.drives.limits import SHOCK
 from pinfric.drives.mounting import mounted, mountings, turned_as
 from pinfric.drives.parts import check_names, own_parts
@@ -43,7 +43,7 @@ from pinfric.drives.policy import Conditions, parse_conditions, request
 from pinfric.drives.power import BusPower, bus_power
 from pinfric.drives.rated import RatedCycle
 from pinfric.drives.robot import (
-    Robot,
+    DrivenRobot,
     added_masses,
     carried,
     equip,
@@ -62,11 +62,19 @@ from pinfric.model.upward import Shown
 from pinfric.motions.rating import Rated, Rating, rate
 from pinfric.motions.summary import beyond_limits, effort_unit, rms
 from pinfric.motions.trajectory import Trajectory
-from pinfric.sizing.branch import Arm, stiff_enough
+from pinfric.sizing.branch import SwingingArm, stiff_enough
 from pinfric.sizing.caveats import caveats, discontinuities, unclosed
 from pinfric.sizing.elastic_arm import arm_criteria, check_tool, reversal_criteria
 from pinfric.sizing.provisional import provisional
-from pinfric.sizing.shelf import Ask, Assessment, Parts, Search, Shelf, momentary_peak, stiffness_of
+from pinfric.sizing.shelf import (
+    Ask,
+    Assessment,
+    DriveSearch,
+    Parts,
+    Shelf,
+    momentary_peak,
+    stiffness_of,
+)
 from pinfric.sizing.verdict import Verdict, causes, joint_criteria, verdict_of
 from pinfric.stops.machines import Machines, full_load, stop_settings
 from pinfric.stops.peaks import braking, cycle_peaks
@@ -114,7 +122,7 @@ class JointSizing:
     nearest: Assessment | None = None
     nothing_because: str = ""
     unloaded: bool = False
-    search: Search | None = field(default=None, repr=False, compare=False)
+    search: DriveSearch | None = field(default=None, repr=False, compare=False)
     decided: str = ""
     alone: Mapping[str, Assessment | None] = field(default_factory=dict)
     mountings: Mapping[str, tuple[float, float]] = field(default_factory=dict)
@@ -509,13 +517,13 @@ class _Sizing:
         every = [drive.name for drive in scene.drives] if catalog is not None else ()
         self.scene, self.catalog = without_drives(scene, every), catalog
         self.conditions, self.progress = conditions, progress
-        self.robot = Robot(self.scene, self.motion, duty, conditions, self.rating)
+        self.robot = DrivenRobot(self.scene, self.motion, duty, conditions, self.rating)
         #: By how they are mounted: the scene's own "", then those that `mounting: any` asks for.
         self.robots = {"": self.robot}
         if conditions.mounting == "any":
             for words, gravity in mountings(self.scene).items():
                 turned = self.scene.with_(gravity=gravity)
-                self.robots[words] = Robot(turned, self.motion, duty, conditions, self.rating)
+                self.robots[words] = DrivenRobot(turned, self.motion, duty, conditions, self.rating)
         self.elsewhere: dict[str, Duty] = {}
         for other, there in trajectory.elsewhere if isinstance(trajectory, Duty) else ():
             if rated is not None:
@@ -530,7 +538,7 @@ class _Sizing:
                 raise SizingError(f"{words}: robot.gravity is [0, 0, 0]; give the gravity")
             self.elsewhere[words] = there
             turned, schedule = self.scene.with_(gravity=gravity), there.schedule()
-            self.robots[words] = Robot(turned, there.motion(), schedule, conditions)
+            self.robots[words] = DrivenRobot(turned, there.motion(), schedule, conditions)
             cycles += [cycle for cycle, _ in there.cycles]
         self.duty = duty or once(len(self.robot.result.states.q))
         robot = [] if scene.robot is None else [scene.robot.urdf]
@@ -692,7 +700,7 @@ class _Sizing:
         except StopError as problem:
             return None, str(problem)
 
-    def _one_cycle(self, scene: Scene, robot: Robot) -> Trajectory:
+    def _one_cycle(self, scene: Scene, robot: DrivenRobot) -> Trajectory:
         """The cycles without a rating, or a rating alone, as a motion of a scene."""
         states, rating = robot.result.states, robot.rating
         part = rating.own if rating is not None and rating.cycles else slice(None)
@@ -817,7 +825,7 @@ class _Sizing:
         column = self.scene.drives[i].velocity_index
         return column >= 0 and bool(self.unloaded[column])
 
-    def _cases(self, i: int, masses: Mapping[int, float]) -> dict[str, Case]:
+    def _cases(self, i: int, masses: Mapping[int, float]) -> dict[str, JointCase]:
         """A joint, with a rating once by each of its parts, and once by each mounting asked for.
 
         The one of largest RMS effort first. A brake holds the largest load of all mountings, where
@@ -846,7 +854,7 @@ class _Sizing:
         effort = {n: rms(c.cycle.stretched, c.cycle.ends[0]) for n, c in cases.items()}
         return {name: cases[name] for name in sorted(cases, key=lambda name: -effort[name])}
 
-    def _search(self, i: int, masses: Mapping[int, float]) -> Search | None:
+    def _search(self, i: int, masses: Mapping[int, float]) -> DriveSearch | None:
         """The drives of the catalogue at a joint; None: it takes none."""
         if self.catalog is None or driven_joint(self.scene, i) is None or self._is_unloaded(i):
             return None
@@ -858,7 +866,9 @@ class _Sizing:
         banned = frozenset(self.banned.get(i, ()))
         shelf, parts = self.shelves[linear], Parts(own, banned, self.most)
         first, *others = self._cases(i, masses).values()
-        return Search(shelf, first, parts, [Search(shelf, case, parts) for case in others])
+        return DriveSearch(
+            shelf, first, parts, [DriveSearch(shelf, case, parts) for case in others]
+        )
 
     def choose(self) -> dict[int, Assessment]:
         """Return the drives that fit, by their columns."""
@@ -872,7 +882,7 @@ class _Sizing:
         seen: list[dict[int, Assessment]] = []
         for passes in range(1, _MOST_PASSES + 1):
             before = _names(taken)
-            searches: dict[int, Search] = {}
+            searches: dict[int, DriveSearch] = {}
             for i in tip_to_base(self.scene):
                 self.progress(f"pass {passes}: {self.scene.drives[i].name}")
                 search = self._search(i, self._added(taken))
@@ -912,7 +922,7 @@ class _Sizing:
                     break
 
     def _together(
-        self, taken: dict[int, Assessment], searches: Mapping[int, Search]
+        self, taken: dict[int, Assessment], searches: Mapping[int, DriveSearch]
     ) -> dict[int, Assessment]:
         """The lightest set that swings no slower than `lowest_frequency`; else each by itself."""
         wanted = self.conditions.lowest_frequency
@@ -941,7 +951,7 @@ class _Sizing:
         return taken | {i: front[p] for i, front, p in zip(turning, fronts, picked, strict=True)}
 
     def _shared(
-        self, taken: Mapping[int, Assessment], searches: Mapping[int, Search]
+        self, taken: Mapping[int, Assessment], searches: Mapping[int, DriveSearch]
     ) -> dict[int, Assessment]:
         """The lightest motor and gear of each group of `same_drive`, if one fits all its joints."""
         found: dict[int, Assessment] = {}
@@ -960,7 +970,7 @@ class _Sizing:
                     break
         return found
 
-    def arm(self, turning: Sequence[int], others: Mapping[int, float]) -> Arm:
+    def arm(self, turning: Sequence[int], others: Mapping[int, float]) -> SwingingArm:
         """Return the arm that swings on the gears of some drives, at every pose of the cycle."""
         states = self.robot.base.result.states
         poses = np.flatnonzero(np.append(True, (states.q[1:] != states.q[:-1]).any(axis=1)))
@@ -972,7 +982,7 @@ class _Sizing:
                 more = self.robot.mass_matrices({**others, i: 1.0}, poses) - still
                 per_mass[k] = more[:, own][:, :, own]
         assert self.conditions.lowest_frequency is not None
-        return Arm(still[:, own][:, :, own], per_mass, self.conditions.lowest_frequency)
+        return SwingingArm(still[:, own][:, :, own], per_mass, self.conditions.lowest_frequency)
 
     def _joint(self, i: int, taken: Mapping[int, Assessment]) -> JointSizing:
         """The joint with all chosen drives in the model."""
@@ -1012,7 +1022,7 @@ class _Sizing:
         """The mounting of a case by its name; "": the scene's own."""
         return next((words for words in self.robots if words and words in name), "")
 
-    def _by_mounting(self, cases: Mapping[str, Case]) -> dict[str, tuple[float, float]]:
+    def _by_mounting(self, cases: Mapping[str, JointCase]) -> dict[str, tuple[float, float]]:
         """RMS and peak effort of a joint in each mounting; empty: there is one."""
         found: dict[str, tuple[float, float]] = {}
         for name, case in cases.items() if len(self.robots) > 1 else ():
@@ -1039,7 +1049,7 @@ class _Sizing:
         return f"{self.catalog.source} has no gear with a {output} output"
 
 
-def _means(robot: Robot, i: int) -> dict[str, Schedule | None]:
+def _means(robot: DrivenRobot, i: int) -> dict[str, Schedule | None]:
     """What a joint's means are taken over: its cycle, with a rating each part of it."""
     return {"": None} if robot.rating is None else dict(robot.rating.means(i))
 

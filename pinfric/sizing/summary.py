@@ -80,7 +80,7 @@ class ToAsk:
 
 
 @described
-class Margins:
+class CriterionMargins:
     """One criterion of all joints."""
 
     criterion: str = quantity("its name", heading="criterion")
@@ -165,7 +165,7 @@ class Unchecked:
 
 
 @described
-class Cycle:
+class PeriodCycle:
     """One cycle of a period."""
 
     name: str = quantity("of the motion")
@@ -228,7 +228,7 @@ class SizingSummary:
     catalog: str | None = quantity("the catalogue; none: demand only")
     conditions: dict[str, Any] = quantity("conditions, with the keys of a catalogue")
     cycle_time: float = quantity("duration of the repeated period", "s")
-    cycles: tuple[Cycle, ...] = quantity("cycles of a period")
+    cycles: tuple[PeriodCycle, ...] = quantity("cycles of a period")
     off: float = quantity("time switched off in a period", "s")
     unclosed: tuple[str, ...] = quantity("states that differ between end and start of the cycle")
     passes: int = quantity("passes over all joints until no choice changed")
@@ -268,7 +268,7 @@ def sizing_summary(report: SizingReport) -> SizingSummary:
         conditions=report.conditions.model_dump(),
         cycle_time=report.period,
         cycles=tuple(
-            Cycle(name, n) for name, n in zip(duty.names, duty.repeats, strict=False) if n
+            PeriodCycle(name, n) for name, n in zip(duty.names, duty.repeats, strict=False) if n
         ),
         off=float(t[-1] - t[duty.starts[-2]]) if duty.off else 0.0,
         joints=tuple(_sized_joint(report, k, lever) for k, lever in enumerate(levers(report))),
@@ -409,7 +409,7 @@ def _next_smaller(smaller: Assessment) -> NextSmaller:
     return NextSmaller(candidate.name, smaller.why, candidate.mass, "; ".join(parts))
 
 
-def margins(found: SizingSummary) -> list[Margins]:
+def margins(found: SizingSummary) -> list[CriterionMargins]:
     """Return the criteria of all joints' drives, a row each: what moves first, what holds last."""
     columns = {
         joint.name: {c.name: c for c in joint.installed.criteria} if joint.installed else {}
@@ -418,7 +418,7 @@ def margins(found: SizingSummary) -> list[Margins]:
     names = dict.fromkeys(name for column in columns.values() for name in column)
     last = ("inertia", "gear res", "back", "holding", "brake", "reversal")
     return [
-        Margins(name, {joint: own[name] for joint, own in columns.items() if name in own})
+        CriterionMargins(name, {joint: own[name] for joint, own in columns.items() if name in own})
         for name in sorted(names, key=lambda name: name.startswith(last))
     ]
 

@@ -45,7 +45,7 @@ _DEMAND_STOPS = "give a cycle beside it, or `stops`"
 _MOST_FAILING = 2
 
 
-class State(StrEnum):
+class JointState(StrEnum):
     """How the choice for a joint ended."""
 
     SIGNED = "can be signed"
@@ -60,7 +60,7 @@ class JointVerdict:
     """The verdict on one joint."""
 
     name: str = quantity("the drive's", name=True)
-    state: State = quantity(
+    state: JointState = quantity(
         "can be signed; fails: a brake, a stop, or the place where it ends; provisional; none; "
         "moves no mass: not sized"
     )
@@ -102,19 +102,19 @@ class Verdict:
     @derived()
     def fitted(self) -> int:
         """Number of joints that can be signed."""
-        return len(self.of(State.SIGNED))
+        return len(self.of(JointState.SIGNED))
 
     @property
     @derived()
     def sized(self) -> int:
         """Number of joints that get a drive: all but those that move no mass."""
-        return len(self.joints) - len(self.of(State.UNLOADED))
+        return len(self.joints) - len(self.of(JointState.UNLOADED))
 
     @property
     @derived("kg")
     def mass(self) -> float:
         """Mass of the drives that can be signed."""
-        return sum(joint.mass for joint in self.of(State.SIGNED))
+        return sum(joint.mass for joint in self.of(JointState.SIGNED))
 
     @property
     @derived()
@@ -123,14 +123,14 @@ class Verdict:
         if not self.joints:
             unmet = f"{counted(len(self.failing), 'criterion', 'criteria')} not met"
             return unmet if self.failing else "no criterion fails"
-        provisional = self.of(State.PROVISIONAL)
+        provisional = self.of(JointState.PROVISIONAL)
         said = f"{self.fitted} of {self.sized} joints can be signed"
         parts = [f"{said}, {len(provisional)} provisional" if provisional else said]
         if self.fitted:
             parts.append(f"{self.mass:.2f} kg of drives")
         if provisional:
             parts.append(f"{sum(joint.mass for joint in provisional):.2f} kg provisional")
-        if unloaded := self.of(State.UNLOADED):
+        if unloaded := self.of(JointState.UNLOADED):
             named = ", ".join(joint.name for joint in unloaded)
             parts.append(f"{named}: moves no mass, not sized")
         wrong = [joint for joint in self.joints if joint.why]
@@ -140,7 +140,7 @@ class Verdict:
         parts += self.failing[sum(len(joint.failing) for joint in self.joints) :][:_MOST_FAILING]
         return "; ".join([*parts, *([self.question] if self.question else ())])
 
-    def of(self, state: State) -> tuple[JointVerdict, ...]:
+    def of(self, state: JointState) -> tuple[JointVerdict, ...]:
         """Return the joints that ended so."""
         return tuple(joint for joint in self.joints if joint.state == state)
 
@@ -284,23 +284,23 @@ def _of_joint(joint: JointSizing, criteria: tuple[Criterion, ...], doubted: bool
     ended = () if joint.unloaded else (Status.PASSES, Status.FAILS)
     judged = (c for c in criteria if c.status in ended and c.scaled)
     tightest = min(judged, key=lambda c: c.margin or 0.0, default=None)
-    failed, state, why = [c for c in criteria if c.status == Status.FAILS], State.SIGNED, ""
+    failed, state, why = [c for c in criteria if c.status == Status.FAILS], JointState.SIGNED, ""
     failing = tuple(_failing(joint.name, failed))
     taken = joint.choice
     if joint.unloaded:
-        state, failing = State.UNLOADED, ()
+        state, failing = JointState.UNLOADED, ()
     elif taken is None and joint.nearest is not None and joint.nearest.would:
-        taken, state = joint.nearest, State.PROVISIONAL
+        taken, state = joint.nearest, JointState.PROVISIONAL
         beside = [c for c in failed if c not in taken.failed]
         failing = (joint.no_fit, *_failing(joint.name, beside))
     elif taken is None:
-        state, why, failing = State.NONE, "no drive fits", (joint.no_fit,)
+        state, why, failing = JointState.NONE, "no drive fits", (joint.no_fit,)
     elif failed:
         worst = min(failed, key=lambda c: c.margin or 0.0)
         short = f"{worst.shortfall} short" if "%" in worst.shortfall else worst.shortfall
-        state, why = State.FAILS, f"{worst.name}: {short}"
+        state, why = JointState.FAILS, f"{worst.name}: {short}"
     elif doubted:
-        state = State.PROVISIONAL
+        state = JointState.PROVISIONAL
     return JointVerdict(
         name=joint.name,
         state=state,

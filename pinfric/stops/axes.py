@@ -10,8 +10,8 @@ from pinfric.drives.criterion import Criterion, compare
 from pinfric.model.brakes import HoldingBrake
 from pinfric.model.described import EFFORT, PLACE, described, quantity
 from pinfric.motions.summary import effort_unit
-from pinfric.stops.machines import UNLIMITED, Kind
-from pinfric.stops.search import Case, Search, Stopped
+from pinfric.stops.machines import UNLIMITED, MachineKind
+from pinfric.stops.search import StopCase, Stopped, StopSearch
 
 #: A joint beyond its limit by less than this (rad or m) is still at it, to rounding.
 _TOUCHES = 1e-6
@@ -54,7 +54,7 @@ class StopGrid:
     travel: Mapping[str, float] = quantity("distance from the command", PLACE, "travel at\n{} %")
 
 
-def axis_stop(search: Search, drive: int) -> AxisStop:
+def axis_stop(search: StopSearch, drive: int) -> AxisStop:
     """Return the worst of one drive's joint."""
     scene = search.machines.scene
     stops = list(search.found.values())
@@ -85,7 +85,7 @@ def axis_stop(search: Search, drive: int) -> AxisStop:
     )
 
 
-def stop_grid(search: Search, drive: int, shares: tuple[float, ...]) -> list[StopGrid]:
+def stop_grid(search: StopSearch, drive: int, shares: tuple[float, ...]) -> list[StopGrid]:
     """Return the rows of one drive's joint by payload, the worse of two samples; see `StopGrid`.
 
     The samples are those of its longest stop and of its farthest.
@@ -100,7 +100,7 @@ def stop_grid(search: Search, drive: int, shares: tuple[float, ...]) -> list[Sto
     for load in (0.0, *shares) if search.machines.full else (0.0,):
         stops: dict[str, list[Stopped]] = {
             f"{100 * speed:.0f}": [
-                search.stop(Case(Kind(False, load), sample, speed)) for sample in samples
+                search.stop(StopCase(MachineKind(False, load), sample, speed)) for sample in samples
             ]
             for speed in shares
         }
@@ -124,7 +124,7 @@ def load_name(load: float) -> str:
 
 
 def _of_brake(
-    search: Search, drive: int, brake: HoldingBrake | None, energy: float
+    search: StopSearch, drive: int, brake: HoldingBrake | None, energy: float
 ) -> Iterator[Criterion]:
     """A brake's torque against gravity, its energy, and how often it stops the axis."""
     if brake is None:
@@ -163,7 +163,7 @@ def _of_brake(
     )
 
 
-def _of_effort(search: Search, drive: int, peak: float, braking: float) -> Iterator[Criterion]:
+def _of_effort(search: StopSearch, drive: int, peak: float, braking: float) -> Iterator[Criterion]:
     """What the gear may bear for a moment; what an imposed deceleration may take, by the URDF."""
     machines, scene = search.machines, search.machines.scene
     gear, unit = scene.drives[drive].transmission, effort_unit(scene, drive)
@@ -189,7 +189,7 @@ def _of_effort(search: Search, drive: int, peak: float, braking: float) -> Itera
         )
 
 
-def _of_place(search: Search, drive: int) -> Iterator[Criterion]:
+def _of_place(search: StopSearch, drive: int) -> Iterator[Criterion]:
     """Whether a joint stays within its limits, in the stop that comes nearest to one."""
     if not search.limited[drive]:
         return

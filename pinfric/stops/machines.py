@@ -19,7 +19,7 @@ from pinfric.stops.motion import LONGEST, Machine
 UNLIMITED = 1e300
 
 
-class Kind(NamedTuple):
+class MachineKind(NamedTuple):
     """Which machine is stopped.
 
     Attributes:
@@ -46,12 +46,12 @@ class Machines:
     settings: Stops
     full: tuple[str, ...]
     products: Mapping[str, str] = field(default_factory=dict)
-    _made: dict[Kind, Machine] = field(default_factory=dict)
+    _made: dict[MachineKind, Machine] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         _check(self.scene, self.settings)
 
-    def of(self, kind: Kind) -> Machine:
+    def of(self, kind: MachineKind) -> Machine:
         """Return a machine."""
         if kind not in self._made:
             self._made[kind] = _machine(self, kind)
@@ -155,7 +155,7 @@ def _check(scene: Scene, settings: Stops) -> None:
         )
 
 
-def _machine(machines: Machines, kind: Kind) -> Machine:
+def _machine(machines: Machines, kind: MachineKind) -> Machine:
     scene, settings = machines.scene, machines.settings
     brakes = {
         d.name: d.transmission.brake

@@ -22,7 +22,7 @@ from pinfric.model.mass_matrix import mass_matrices
 from pinfric.model.massless import massless
 from pinfric.model.transmission import shock_efficiency
 from pinfric.motions.trajectory import Trajectory
-from pinfric.stops.machines import Kind, Machines, carried_by
+from pinfric.stops.machines import MachineKind, Machines, carried_by
 from pinfric.stops.motion import Machine
 
 #: Samples spread evenly over the cycle, beside those of each axis's largest speed.
@@ -128,7 +128,7 @@ def cycle_peaks(
     q, v, rate = trajectory.q[picked], trajectory.v[picked], rate[picked]
     most, powered = [np.zeros(rate.shape[1])], machines.settings.category == 1
     for load in {0.0, 1.0} if machines.full else {0.0}:
-        machine = machines.of(Kind(True, load))
+        machine = machines.of(MachineKind(True, load))
         light = massless(machine.scene, machine.carried)
         heavy = ~light[[drive.velocity_index for drive in machine.scene.drives]]
         stopped = []
@@ -174,7 +174,7 @@ def braking(machines: Machines, trajectory: Trajectory) -> tuple[InverseResult, 
     loads = (0.0, 1.0) if machines.full else (0.0,)
     return tuple(
         inverse_dynamics(
-            machines.of(Kind(True, load)).scene,
+            machines.of(MachineKind(True, load)).scene,
             trajectory.q,
             v,
             a,

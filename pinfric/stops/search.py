@@ -34,7 +34,7 @@ from pinfric.errors import StopError
 from pinfric.model.scene import Scene
 from pinfric.motions.summary import effort_unit, running_integral
 from pinfric.motions.trajectory import Trajectory
-from pinfric.stops.machines import UNLIMITED, Kind, Machines, carried_by
+from pinfric.stops.machines import UNLIMITED, MachineKind, Machines, carried_by
 from pinfric.stops.motion import Machine, StopMotion, no_brake, stop_motion, tool_path
 from pinfric.stops.path import CyclePath
 
@@ -51,7 +51,7 @@ _LEAST_SHARE = 0.1
 _ROUNDING = 1e-9
 
 
-class Case(NamedTuple):
+class StopCase(NamedTuple):
     """One stop of a study.
 
     Attributes:
@@ -60,7 +60,7 @@ class Case(NamedTuple):
         speed: factor on the cycle's speed.
     """
 
-    kind: Kind
+    kind: MachineKind
     sample: int
     speed: float = 1.0
 
@@ -84,7 +84,7 @@ class Stopped:
         stepped: a part of it is computed by time stepping, which passes what events cannot.
     """
 
-    case: Case
+    case: StopCase
     command: float
     time: float
     rest: np.ndarray
@@ -99,7 +99,7 @@ class Stopped:
 
 
 @dataclass(frozen=True, eq=False)
-class Cycle:
+class StopCycle:
     """A cycle as stops need it.
 
     Attributes:
@@ -121,14 +121,14 @@ class Cycle:
     limits: np.ndarray
 
     @classmethod
-    def of(cls, machines: Machines, trajectory: Trajectory) -> Cycle:
+    def of(cls, machines: Machines, trajectory: Trajectory) -> StopCycle:
         """Return a cycle of a scene."""
         scene, (q, v) = machines.scene, (trajectory.q, trajectory.v)
         rate = working_rates(scene, q, v)[0]
         way = running_integral(trajectory.t, rate)
         path, zero, hold = tool_path(scene, (), q), np.zeros_like(v), {}
         for full in {False, bool(machines.full)}:
-            least = machines.of(Kind(False, float(full))).scene
+            least = machines.of(MachineKind(False, float(full))).scene
             carried = carried_by(machines, float(full), len(q))
             still = inverse_dynamics(least, q, zero, zero, t=trajectory.t, attached=carried)
             _check_unbraked(still, "the full load" if full else "nothing", machines.products)
@@ -155,7 +155,7 @@ class Cycle:
 
 
 def position_limits(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
-    """Return `Cycle.place` and `Cycle.limits` of a scene."""
+    """Return `StopCycle.place` and `StopCycle.limits` of a scene."""
     model, count = scene.model, len(scene.drives)
     place, limits = np.zeros(count, dtype=int), np.tile([-np.inf, np.inf], (count, 1))
     for d in range(count):
@@ -192,7 +192,7 @@ def _check_unbraked(still: InverseResult, carries: str, products: Mapping[str, s
 
 
 @dataclass(frozen=True, eq=False)
-class Search:
+class StopSearch:
     """Stops of a cycle, each simulated once.
 
     Attributes:
@@ -202,11 +202,11 @@ class Search:
     """
 
     machines: Machines
-    cycle: Cycle
+    cycle: StopCycle
     progress: Callable[[int, int], None]
-    found: dict[Case, Stopped] = field(default_factory=dict)
+    found: dict[StopCase, Stopped] = field(default_factory=dict)
 
-    def stop(self, case: Case) -> Stopped:
+    def stop(self, case: StopCase) -> Stopped:
         """Return one stop."""
         if case not in self.found:
             self.found[case] = stopped(self.cycle, case, self.motion(case))
@@ -217,7 +217,7 @@ class Search:
     def _expected(self) -> int:
         return len(self.kinds) * (_SPREAD + 14 * len(self.machines.scene.drives))
 
-    def motion(self, case: Case) -> StopMotion:
+    def motion(self, case: StopCase) -> StopMotion:
         """Return the motion of one stop, simulated anew."""
         given, d = self.cycle.trajectory, self.machines.deceleration
         slowed = None
@@ -232,20 +232,20 @@ class Search:
         return CyclePath(self.machines.scene.model, self.cycle.trajectory)
 
     @property
-    def kinds(self) -> tuple[Kind, ...]:
+    def kinds(self) -> tuple[MachineKind, ...]:
         """The machines at full speed: least and greatest friction, without load and with all."""
         loads = (0.0, 1.0) if self.machines.full else (0.0,)
-        return tuple(Kind(greatest, load) for greatest in (False, True) for load in loads)
+        return tuple(MachineKind(greatest, load) for greatest in (False, True) for load in loads)
 
     def run(self) -> None:
         """Simulate the candidates, then refine the highest hills of each measure."""
-        cases = {Case(kind, sample) for kind in self.kinds for sample in self.candidates(kind)}
+        cases = {StopCase(kind, sample) for kind in self.kinds for sample in self.candidates(kind)}
         while cases:
             for case in sorted(cases):
                 self.stop(case)
             cases = {case for measure in self.measures() for case in self._nearer(measure)}
 
-    def candidates(self, kind: Kind) -> list[int]:
+    def candidates(self, kind: MachineKind) -> list[int]:
         """Return the samples that are simulated first."""
         t, rate = self.cycle.trajectory.t, self.cycle.rate
         chosen = set(np.linspace(0, len(t) - 1, _SPREAD).astype(int).tolist())
@@ -294,10 +294,10 @@ class Search:
         """(na,) which drives' joints have a limit."""
         return np.isfinite(self.cycle.limits).any(axis=1)
 
-    def _nearer(self, measure: Callable[[Stopped], float]) -> Iterator[Case]:
+    def _nearer(self, measure: Callable[[Stopped], float]) -> Iterator[StopCase]:
         """Yield what lies half-way between the highest hills of a measure and their neighbours."""
         finest = max(len(self.cycle.trajectory.t) // _FINEST, 1)
-        hills: list[tuple[float, Case, list[int]]] = []
+        hills: list[tuple[float, StopCase, list[int]]] = []
         for kind in self.kinds:
             own = sorted((s for c, s in self.found.items() if c.kind == kind), key=_sample_of)
             height = np.pad([measure(stop) for stop in own], 1, constant_values=-np.inf)
@@ -328,7 +328,7 @@ def beyond_of(drive: int) -> Callable[[Stopped], float]:
     return lambda stop: float(stop.beyond[drive].max())
 
 
-def stopped(cycle: Cycle, case: Case, motion: StopMotion) -> Stopped:
+def stopped(cycle: StopCycle, case: StopCase, motion: StopMotion) -> Stopped:
     """Return what a stop comes to.
 
     Args:
@@ -360,7 +360,9 @@ def stopped(cycle: Cycle, case: Case, motion: StopMotion) -> Stopped:
     )
 
 
-def estimates(machines: Machines, cycle: Cycle, kind: Kind) -> tuple[np.ndarray, np.ndarray]:
+def estimates(
+    machines: Machines, cycle: StopCycle, kind: MachineKind
+) -> tuple[np.ndarray, np.ndarray]:
     """Return inertias (T, na) at the joints with rotors, and the estimated travels (T, na).
 
     Args:

@@ -24,7 +24,7 @@ from pinfric.motions.trajectory import Trajectory
 from pinfric.stops.axes import AxisStop, StopGrid, axis_stop, stop_grid
 from pinfric.stops.machines import Machines, check_brakes, full_load, stop_settings
 from pinfric.stops.motion import StopMotion
-from pinfric.stops.search import Cycle, Search, Stopped
+from pinfric.stops.search import StopCycle, Stopped, StopSearch
 
 #: Parts of the cycle's speed and of its payload that are tabulated (ISO 10218-1, annex B).
 SHARES = (0.33, 0.66, 1.0)
@@ -44,7 +44,7 @@ class StopResult(Shown):
     scene: Scene
     trajectory: Trajectory
     settings: Stops
-    search: Search
+    search: StopSearch
     grid: tuple[StopGrid, ...]
 
     def __repr__(self) -> str:
@@ -202,8 +202,8 @@ def stops_of(
             f"{settings.reaction_time:g} s of {scene.source}: the robot's motion after the command "
             "is not known; give a longer trajectory"
         )
-    cycle = Cycle.of(machines, trajectory)
-    search = Search(machines, cycle, progress or (lambda done, total: None))
+    cycle = StopCycle.of(machines, trajectory)
+    search = StopSearch(machines, cycle, progress or (lambda done, total: None))
     search.run()
     grid = [row for d in range(len(scene.drives)) for row in stop_grid(search, d, SHARES)]
     return StopResult(scene, trajectory, settings, search, tuple(grid))

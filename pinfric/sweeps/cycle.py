@@ -86,7 +86,7 @@ class Study:
         return {entry.name: getattr(self, entry.name) for entry in fields(self)}
 
 
-class Cycle(NamedTuple):
+class SampleFigures(NamedTuple):
     """One sample.
 
     Attributes:
@@ -136,7 +136,7 @@ def compute(study: Study, rows: np.ndarray, values: np.ndarray) -> pd.DataFrame:
     return pd.DataFrame(columns)
 
 
-def _cycle(study: Study, sample: np.ndarray, stored: Stored | None) -> Cycle:
+def _cycle(study: Study, sample: np.ndarray, stored: Stored | None) -> SampleFigures:
     """One sample: of its stored parts where it is a sum of them, else by inverse dynamics."""
     try:
         if stored is None:
@@ -144,14 +144,14 @@ def _cycle(study: Study, sample: np.ndarray, stored: Stored | None) -> Cycle:
         margins, verdicts = np.ones(len(stored.demands)), list[int]()
         if stored.result is not None:
             margins, verdicts = _verdicts(study, stored.result, stored.inertias)
-        return Cycle(np.column_stack((stored.demands, margins)), verdicts)
+        return SampleFigures(np.column_stack((stored.demands, margins)), verdicts)
     except PinfricError as problem:  # of this sample: the others go on
         none = np.full((len(study.scene.drives), len(FIGURES)), np.nan)
         unknown = [NOT_CHECKED] * len(study.criteria), [np.nan] * len(study.elastic)
-        return Cycle(none, unknown[0], len(study.trajectory.t), unknown[1], str(problem))
+        return SampleFigures(none, unknown[0], len(study.trajectory.t), unknown[1], str(problem))
 
 
-def cycle_figures(study: Study, sample: Sequence[float] | np.ndarray) -> Cycle:
+def cycle_figures(study: Study, sample: Sequence[float] | np.ndarray) -> SampleFigures:
     """Return the figures of one cycle.
 
     By inverse dynamics of the scene and the trajectory with the sample's values in them.
@@ -164,7 +164,7 @@ def cycle_figures(study: Study, sample: Sequence[float] | np.ndarray) -> Cycle:
     margins, verdicts = _verdicts(study, result, study.load_inertias(result) if known else None)
     elastic = elastic_figures(result) if study.elastic else ()
     unsolved = int(np.isnan(result.effort_lower).any(axis=1).sum())
-    return Cycle(np.column_stack((reduce(result), margins)), verdicts, unsolved, elastic)
+    return SampleFigures(np.column_stack((reduce(result), margins)), verdicts, unsolved, elastic)
 
 
 def elastic_figures(result: InverseResult) -> tuple[float, ...]:

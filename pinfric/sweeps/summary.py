@@ -13,7 +13,7 @@ from pinfric.sweeps.result import Probability, SweepResult
 
 
 @described
-class Varied:
+class VariedParameter:
     """One parameter that varies, over all samples."""
 
     name: str = quantity("its key", heading="parameter")
@@ -89,7 +89,7 @@ class SweepSummary:
     seed: int = quantity("seed of the samples")
     samples: int = quantity("number of cycles")
     solved: int = quantity("number of cycles with a solution")
-    parameters: tuple[Varied, ...] = quantity("what varies")
+    parameters: tuple[VariedParameter, ...] = quantity("what varies")
     joints: tuple[DriveSpread, ...] = quantity("the drives")
     correlation_noise: float = quantity("smaller rank correlations are not significant")
     motors: tuple[MotorOnTrial, ...] = quantity("on trial")
@@ -108,7 +108,7 @@ def sweep_summary(result: SweepResult) -> SweepSummary:
         result,
         solved=int(result.solved.sum()),
         parameters=tuple(
-            Varied(name, float(column.min()), float(column.mean()), float(column.max()))
+            VariedParameter(name, float(column.min()), float(column.mean()), float(column.max()))
             for name, column in zip(result.parameter_names, result.values.T, strict=True)
         ),
         joints=tuple(

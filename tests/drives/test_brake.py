@@ -16,7 +16,7 @@ from pinfric.drives.brake import Stop, standstills
 from pinfric.drives.catalog import Brake
 from pinfric.drives.criterion import Status
 from pinfric.drives.policy import Conditions
-from pinfric.drives.robot import Robot
+from pinfric.drives.robot import DrivenRobot
 from pinfric.errors import SizingError
 from pinfric.model.schema import Assumed, Measured
 from pinfric.show.report.drives import brake_line
@@ -405,7 +405,7 @@ def test_a_load_of_two_percent_of_the_largest_effort_is_none(share):
     load = LOAD * np.sin(tilt)
     scene = lever(tilt=tilt)
     motion = swings(scene, load / share / (2 * np.pi * inertia))
-    rest = Robot(scene, motion, None, Conditions()).case(0, {}).rest
+    rest = DrivenRobot(scene, motion, None, Conditions()).case(0, {}).rest
     assert np.abs(rest.load).max() / rest.peak == pytest.approx(share, rel=0.03)
     assert bool(rest.why_brake(Conditions(), locks=False)) == (share > 0.02)
 
@@ -465,7 +465,10 @@ def test_a_joint_that_moves_needs_a_brake_where_the_robot_is_stopped(stops, move
     motion = trapezoid(scene)
     if not moves:
         motion = pf.Trajectory.from_arrays(scene, np.arange(2.0), *[np.zeros((2, 1))] * 3)
-    rest, stopped = Robot(scene, motion, None, Conditions()).case(0, {}).rest, bool(stops) and moves
+    rest, stopped = (
+        DrivenRobot(scene, motion, None, Conditions()).case(0, {}).rest,
+        bool(stops) and moves,
+    )
     assert rest.why_brake(Conditions(), locks=False) == "it moves when power goes off" * stopped
     assert rest.why_brake(Conditions(), locks=True) == ""
     assert rest.within(Conditions()) == (0.5 if stopped else np.inf)

@@ -31,14 +31,14 @@ from pinfric.drives.catalog_file import load_catalog
 from pinfric.drives.criterion import LEAST_MARGIN, Status, compare
 from pinfric.drives.demand import DriveCycle
 from pinfric.drives.drivetrain import gear_transmission, motor_cycle, motor_with_gear, ratings_of
-from pinfric.drives.limit import Case, Limit, never, signals
+from pinfric.drives.limit import JointCase, Limit, never, signals
 from pinfric.drives.limits import LIMITS, add_limit, check
 from pinfric.drives.policy import Conditions, parse_conditions
 from pinfric.drives.rules import gear_life
 from pinfric.errors import CatalogError, SizingError
 from pinfric.model.drives import motor_torque_bounds
 from pinfric.retiming.limits import read_limits
-from pinfric.sizing.shelf import Search
+from pinfric.sizing.shelf import DriveSearch
 
 # efforts at the joint: speeding up, running, slowing down; at rest anything in +-COULOMB
 UP, RUN, DOWN = (INERTIA * ACCELERATION + COULOMB, COULOMB, -INERTIA * ACCELERATION + COULOMB)
@@ -418,7 +418,7 @@ def test_joint_that_stands_while_others_move_is_called_stalled(tmp_path):
     motor = motor_cycle(candidate, cycle, catalog.conditions)
     assert motor.figures.holding is None
     assert motor.figures.standing == pytest.approx(80 / RATIO / ETA)
-    case = Case(sized(tmp_path).demand, cycle, 1.0, False, catalog.conditions)
+    case = JointCase(sized(tmp_path).demand, cycle, 1.0, False, catalog.conditions)
     found = check(candidate, motor, case)
     assert "at standstill it needs up to 1 N m" in found[0].note
     # one sample at v = 0 is a reversal, not a stop
@@ -760,7 +760,7 @@ def test_every_row_names_the_conditions_that_set_it_and_their_defaults(tmp_path)
         def judged(conditions, joint=joint):
             search = joint.search
             case = search.case._replace(conditions=conditions)
-            trial = Search(search.shelf, case, search.parts)
+            trial = DriveSearch(search.shelf, case, search.parts)
             return {c.name: c for c in trial.judge(0, 0, 0).criteria}
 
         before = judged(first)

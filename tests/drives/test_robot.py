@@ -13,7 +13,7 @@ import pinfric as pf
 from pinfric.drives.inertia import joint_inertias
 from pinfric.drives.policy import Conditions
 from pinfric.drives.robot import (
-    Robot,
+    DrivenRobot,
     added_masses,
     depth,
     equip,
@@ -31,7 +31,7 @@ def arm():
     a, b = {"link": "base_link", "xyz": [0, 0.2, 0]}, {"link": "forearm_link", "xyz": [0, 0, 0.1]}
     rod = {"kind": "tension", "name": "rod", "a": a, "b": b, "stiffness": 50, "free_length": 0.1}
     scene, motion = example("ur5_pick_and_place", masses="without_drives", springs=[rod])
-    return scene, motion, Robot(scene, motion, None, Conditions())
+    return scene, motion, DrivenRobot(scene, motion, None, Conditions())
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -123,7 +123,7 @@ def test_a_cycle_whose_intervals_may_be_too_narrow_is_refused(monkeypatch):
         pytest.warns(pf.PinfricWarning, match="may be too narrow"),
         pytest.raises(SizingError, match=r"sample 0 of 5 has intervals .* may be too narrow"),
     ):
-        Robot(case.scene, motion, None, Conditions())
+        DrivenRobot(case.scene, motion, None, Conditions())
 
 
 def test_a_cycle_that_jams_is_refused():
@@ -131,7 +131,7 @@ def test_a_cycle_that_jams_is_refused():
     t, q = np.array([0.0, 0.1]), np.array([[0.0], [0.105]])
     motion = pf.Trajectory.from_arrays(case.scene, t, q, q + 1.0, 0 * q + 1.0)
     with pytest.raises(SizingError, match=r"sample 0 of 2 has no efforts \(jammed\)"):
-        Robot(case.scene, motion, None, Conditions())
+        DrivenRobot(case.scene, motion, None, Conditions())
 
 
 def test_depth_counts_the_joints_from_the_ground(arm):
@@ -156,5 +156,5 @@ def test_masses_on_a_linkage_are_computed_exactly():
     wanted = pf.inverse_dynamics(with_masses(scene, {0: 2.0}), motion)
     light = pf.inverse_dynamics(scene, motion)
     assert np.abs(wanted.effort_upper - light.effort_upper).max() > 0.1
-    found = Robot(scene, motion, None, Conditions()).case(0, {0: 2.0})
+    found = DrivenRobot(scene, motion, None, Conditions()).case(0, {0: 2.0})
     assert_allclose(found.cycle.effort_upper, wanted.effort_upper[:, 0], rtol=1e-12)

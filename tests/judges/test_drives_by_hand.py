@@ -30,7 +30,7 @@ from pinfric.drives.catalog_file import load_catalog
 from pinfric.drives.criterion import Status
 from pinfric.drives.demand import DriveCycle, GearDemand, average_output_effort
 from pinfric.drives.drivetrain import Candidate, motor_cycle, ratings_of
-from pinfric.drives.limit import Case
+from pinfric.drives.limit import JointCase
 from pinfric.drives.limits import check
 from pinfric.drives.policy import Conditions
 from pinfric.drives.rules import buckling_load, gear_life, momentary_peaks
@@ -349,7 +349,7 @@ def hot(parts, motor, **conditions):
     wanted = Conditions(**conditions)
     top = max(abs(T) for _, T in parts)
     demand = GearDemand("axis", "N m", top, 10.0, 10.0, 1.0, None, None, None)
-    case = Case(demand, cycle, None, False, wanted)
+    case = JointCase(demand, cycle, None, False, wanted)
     return {c.name: c for c in check(candidate, motor_cycle(candidate, cycle, wanted), case)}
 
 

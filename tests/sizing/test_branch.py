@@ -7,7 +7,7 @@ import pytest
 from builders import example
 
 import pinfric as pf
-from pinfric.sizing.branch import Arm, stiff_enough
+from pinfric.sizing.branch import SwingingArm, stiff_enough
 
 
 def invented(rng, joints, poses, drives):
@@ -50,7 +50,7 @@ def test_branch_and_bound_finds_what_an_enumeration_finds(seed, joints, drives):
     frequencies = rng.uniform(4.0, 30.0, 1 if drives > 9 else 4)
     for frequency in frequencies:
         least, count = enumerated(still, per_mass, fronts, frequency)
-        picked, looked = stiff_enough(Arm(still, per_mass, frequency), fronts)
+        picked, looked = stiff_enough(SwingingArm(still, per_mass, frequency), fronts)
         assert (picked is None) == (least is None)
         if picked is not None:
             found = sum(front[p][0] for front, p in zip(fronts, picked, strict=True))

@@ -24,7 +24,7 @@ from pinfric.show.pages.sizing import sizing_page
 from pinfric.show.report.drives import provisional_table
 from pinfric.show.report.sizing import verdict
 from pinfric.sizing.provisional import provisional
-from pinfric.sizing.shelf import Parts, Search
+from pinfric.sizing.shelf import DriveSearch, Parts
 from pinfric.sizing.summary import sizing_summary
 
 UP = INERTIA * ACCELERATION + COULOMB
@@ -199,5 +199,5 @@ def test_a_banned_drive_is_not_provisional(tmp_path):
     search = joint.search
     assert provisional(search).candidate.gear_name == "G"
     banned = Parts(banned=frozenset([provisional(search).candidate.name]))
-    other = Search(search.shelf, search.case, banned)
+    other = DriveSearch(search.shelf, search.case, banned)
     assert provisional(other).candidate.gear_name == "H"

@@ -15,7 +15,7 @@ from pinfric.errors import CatalogError, SizingError
 from pinfric.show.pages.sizing import sizing_page
 from pinfric.show.report.sizing import rating_lines
 from pinfric.sizing.summary import sizing_summary
-from pinfric.sizing.verdict import State
+from pinfric.sizing.verdict import JointState
 
 #: Sizes of CSF and CSG gears that the makers' printed peak torques suggest (inferred).
 BUILT = {
@@ -66,7 +66,7 @@ def test_sizes_of_published_arms_are_near_those_that_their_makers_built(tmp_path
 def test_of_a_rating_alone_gears_that_stops_would_overload_are_not_signed(tmp_path):
     """A cycle beside it, or `stops`, takes gears that bear them."""
     alone = sized("ur3", tmp_path)
-    wrong = {joint.name for joint in alone.verdict.of(State.FAILS)}
+    wrong = {joint.name for joint in alone.verdict.of(JointState.FAILS)}
     assert "elbow_joint" in wrong
     assert alone.verdict.fitted == len(alone.joints) - len(wrong) > 0
     assert len(alone.verdict.failing) == len(wrong)

@@ -31,7 +31,7 @@ from pinfric.drives.criterion import Status
 from pinfric.drives.drivetrain import Ratings, motor_cycle, motor_with_gear, with_brake
 from pinfric.drives.limits import check
 from pinfric.drives.policy import NEEDS, kind_of, lacks
-from pinfric.sizing.shelf import Parts, Search, Shelf, rank
+from pinfric.sizing.shelf import DriveSearch, Parts, Shelf, rank
 from pinfric.sizing.size import _Sizing
 
 ARM = "ur10_machine_tending"
@@ -198,7 +198,7 @@ def test_what_is_asked_for_would_be_lighter_with_some_figures(arm):
             parts = {"gears": whole if kind == "motors" else {}, "gearmotors": {}, kind: made}
             own = replace(catalog, **parts)
             own = Shelf(own, report.conditions, shelf.linear, shelf.brakes)
-            found = found or Search(own, joint.search.case, joint.search.parts).lightest()
+            found = found or DriveSearch(own, joint.search.case, joint.search.parts).lightest()
         lighter[ask.name] = found is not None and found.candidate.mass < joint.choice.candidate.mass
     assert len(lighter) > 20
     assert [name for name, better in lighter.items() if not better] == []
@@ -330,7 +330,7 @@ def test_of_equal_masses_the_exact_margin_counts_not_its_bound():
         judge=lambda b, g, m: judged[m],
         parts=Parts(),
     )
-    assert Search.fitting(search, 1) == [judged[1]]
+    assert DriveSearch.fitting(search, 1) == [judged[1]]
 
 
 def test_equal_masses_go_by_margin_then_by_name(tmp_path):

@@ -10,7 +10,7 @@ from stop_cases import ARM, arm, axis, turntable
 
 import pinfric as pf
 from pinfric.errors import StopError
-from pinfric.stops.machines import Kind, Machines
+from pinfric.stops.machines import MachineKind, Machines
 from pinfric.stops.motion import Machine, stop_motion, tool_path
 
 
@@ -267,7 +267,7 @@ def test_several_answers_at_rest_are_passed_by_time_stepping():
     settings = {"category": 0, "reaction_time": 0.02, "friction": [0.8, 1.2]}
     scene = scene.with_(actuators=gears, stops=settings)
     q = np.array([0.636394, -0.00824784, 0.0, -1.79923, 0.0, 1.79099, 0.7854])
-    stopped = Machines(scene, scene.stops, ()).of(Kind(False, 0.0))
+    stopped = Machines(scene, scene.stops, ()).of(MachineKind(False, 0.0))
     motion = stop_motion(stopped, q, np.zeros(7))
     assert motion.parts[0].method == "timestepping"
     assert not motion.v[-1].any()

@@ -13,9 +13,9 @@ from stop_cases import ARM, arm, turntable
 import pinfric as pf
 from pinfric.drives.criterion import Status
 from pinfric.errors import StopError, TrajectoryError
-from pinfric.stops.machines import Kind, Machines, stop_settings
+from pinfric.stops.machines import MachineKind, Machines, stop_settings
 from pinfric.stops.peaks import braking
-from pinfric.stops.search import Case, Cycle
+from pinfric.stops.search import StopCase, StopCycle
 from pinfric.stops.study import SHARES, stops_of
 
 NAMES = ("lift", "elbow")
@@ -63,7 +63,7 @@ def found():
 
 def test_the_worst_is_that_of_every_sample(found):
     every = [
-        found.search.stop(Case(kind, sample))
+        found.search.stop(StopCase(kind, sample))
         for kind in found.search.kinds
         for sample in range(len(found.trajectory.t))
     ]
@@ -94,7 +94,9 @@ def test_the_worst_of_many_hills_is_found():
     found = pf.stop(scene, pf.Trajectory.from_arrays(scene, t, q, v, a))
     simulated = [stop for stop in found.search.found.values() if stop.case.speed == 1.0]
     assert len(simulated) < 200  # of 482
-    every = [found.search.stop(Case(Kind(False, 0.0), sample)) for sample in range(len(t))]
+    every = [
+        found.search.stop(StopCase(MachineKind(False, 0.0), sample)) for sample in range(len(t))
+    ]
     for name in ("travel", "rest"):
         most = np.max([getattr(stop, name) for stop in every], axis=0)
         best = np.max([getattr(stop, name) for stop in simulated], axis=0)
@@ -103,9 +105,9 @@ def test_the_worst_of_many_hills_is_found():
 
 def test_speed_load_and_friction_at_their_worst(found):
     """Least friction goes farther, greatest friction and brakes load the gears more."""
-    for case in (Case(Kind(False, 1.0), sample) for sample in (5, 12, 18)):
+    for case in (StopCase(MachineKind(False, 1.0), sample) for sample in (5, 12, 18)):
         least = found.search.stop(case)
-        greatest = found.search.stop(case._replace(kind=Kind(True, 1.0)))
+        greatest = found.search.stop(case._replace(kind=MachineKind(True, 1.0)))
         assert (least.travel >= greatest.travel - 1e-9).all()
         assert least.time >= greatest.time
         assert (greatest.peak[least.travel > 0.05] > least.peak[least.travel > 0.05]).all()
@@ -133,7 +135,7 @@ def test_the_reaction_goes_on_along_the_motion(found):
 def test_a_motion_that_begins_at_speed_is_taken_to_have_moved_so_before(found):
     scene, whole = found.scene, swing(found.scene)
     part = pf.Trajectory.from_arrays(scene, whole.t[6:], whole.q[6:], whole.v[6:], whole.a[6:])
-    cycle = Cycle.of(found.search.machines, part)
+    cycle = StopCycle.of(found.search.machines, part)
     command, way, path = cycle.before(0, 1.0)
     assert command == part.t[0]
     assert way == pytest.approx(0.01 * part.v[0])
@@ -141,10 +143,10 @@ def test_a_motion_that_begins_at_speed_is_taken_to_have_moved_so_before(found):
 
 
 def test_sag_from_rest_is_down(found):
-    at_rest = found.search.stop(Case(Kind(False, 1.0), 0))
+    at_rest = found.search.stop(StopCase(MachineKind(False, 1.0), 0))
     assert (at_rest.sag > 0.0).all()
     assert found.axes[0].sag >= at_rest.sag[0]
-    moving = found.search.stop(Case(Kind(False, 1.0), 6))
+    moving = found.search.stop(StopCase(MachineKind(False, 1.0), 6))
     assert np.isnan(moving.sag).all()
 
 
@@ -158,7 +160,7 @@ def test_a_brake_whose_largest_torque_is_not_known_is_taken_as_twice_as_strong()
     for drive in drives:
         del drive["transmission"]["brake"]["torque_max"]
     silent = stated.with_(actuators=drives)
-    case = Case(Kind(True, 0.0), 6)
+    case = StopCase(MachineKind(True, 0.0), 6)
     known, taken = (pf.stop(scene, swing(scene, 13)) for scene in (stated, silent))
     np.testing.assert_array_equal(taken.search.stop(case).peak, known.search.stop(case).peak)
     assert "lift, elbow: gears' peaks by 2 x `torque`" in " ".join(taken.notes)
@@ -190,7 +192,7 @@ def test_category_1_brakes_under_power_and_spares_the_brake():
     assert max(axis.energy for axis in found.axes) < 0.1
     (taken,) = braking(found.search.machines, found.trajectory)
     for sample in range(9):
-        begin = found.search.motion(Case(Kind(True, 0.0), sample)).effort[0]
+        begin = found.search.motion(StopCase(MachineKind(True, 0.0), sample)).effort[0]
         worst = np.maximum(np.abs(taken.effort_lower), np.abs(taken.effort_upper))[sample]
         assert np.abs(begin) == pytest.approx(worst)
     for axis, d, v in zip(found.axes, (8.0, 10.0), (np.pi, 1.4 * np.pi), strict=True):

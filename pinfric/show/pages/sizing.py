@@ -50,7 +50,7 @@ from pinfric.show.report.tables import Table
 from pinfric.show.report.values import percentage
 from pinfric.sizing.size import JointSizing, SizingReport
 from pinfric.sizing.summary import (
-    Margins,
+    CriterionMargins,
     SizedJoint,
     SizingSummary,
     margins,
@@ -120,7 +120,7 @@ def sizing_page(report: SizingReport, command: str = "", inputs: Iterable[str | 
         matrix=table_of(
             "Margins: the part of each limit that is left",
             [
-                Margins(row.criterion, {short[name]: c for name, c in row.joints.items()})
+                CriterionMargins(row.criterion, {short[name]: c for name, c in row.joints.items()})
                 for row in margins(found)
             ],
             cells={f"joints[{name}]": partial(_cell, name) for name in short.values()},
@@ -267,5 +267,5 @@ def _rules(found: SizingSummary, short: Mapping[str, str]) -> list[tuple[str, st
     ]
 
 
-def _cell(joint: str, row: Margins) -> Marked:
+def _cell(joint: str, row: CriterionMargins) -> Marked:
     return _ended(row.joints[joint]) if joint in row.joints else Marked("·")

@@ -10,7 +10,7 @@ from pinfric.drives.brake import Standstill
 from pinfric.drives.catalog import Catalog, Sourced
 from pinfric.drives.policy import KIT
 from pinfric.sizing.size import JointSizing, SizingReport
-from pinfric.sizing.verdict import State
+from pinfric.sizing.verdict import JointState
 
 _COLUMNS = (
     "part",
@@ -40,7 +40,7 @@ def bill_of_materials(report: SizingReport) -> str:
     joints: dict[str, list[str]] = {}
     entries: dict[str, Sourced | float] = {}
     every = zip(report.joints, report.standstills, report.verdict.joints, strict=True)
-    for joint, still in ((j, still) for j, still, v in every if v.state == State.SIGNED):
+    for joint, still in ((j, still) for j, still, v in every if v.state == JointState.SIGNED):
         for name, entry in _parts(report.catalog, report, joint, still):
             joints.setdefault(name, []).append(joint.name)
             entries[name] = entry

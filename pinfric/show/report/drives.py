@@ -14,7 +14,7 @@ from pinfric.show.report.tables import Table
 from pinfric.show.report.values import digits
 from pinfric.sizing.size import SizingReport
 from pinfric.sizing.summary import SizedJoint, SizingSummary, Unchecked
-from pinfric.sizing.verdict import State
+from pinfric.sizing.verdict import JointState
 
 #: N m; torques of brakes below print as 0.
 _ROUNDING = 1e-9
@@ -60,10 +60,10 @@ def mounting_table(found: SizingSummary) -> Table | None:
 def _chosen(joint: SizedJoint) -> str:
     if joint.provisional is not None:
         return f"not signed: {joint.provisional.drive}"
-    if joint.verdict is not None and joint.verdict.state == State.UNLOADED:
+    if joint.verdict is not None and joint.verdict.state == JointState.UNLOADED:
         return "moves no mass: not sized"
     nearest = "" if joint.installed is None else f"; nearest {joint.installed.judged}"
-    ended = {State.FAILS: " (fails)", State.PROVISIONAL: " (provisional)"}
+    ended = {JointState.FAILS: " (fails)", JointState.PROVISIONAL: " (provisional)"}
     said = "" if joint.verdict is None else ended.get(joint.verdict.state, "")
     return f"{joint.choice or f'none{nearest}'}{said}"
 

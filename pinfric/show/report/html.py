@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from html import escape
 
-from pinfric.show.report.tables import Kind, Table
+from pinfric.show.report.tables import ColumnKind, Table
 
 #: Separators in a name behind which a browser may break it.
 _BREAKS = "_./"
@@ -12,8 +12,8 @@ _BREAKS = "_./"
 
 def html_of(table: Table) -> str:
     """Return a table as HTML: headings and cells as on the terminal, numbers to the right."""
-    left = [column.kind is not Kind.NUMBER for column in table.columns]
-    names = [column.kind is Kind.NAME for column in table.columns]
+    left = [column.kind is not ColumnKind.NUMBER for column in table.columns]
+    names = [column.kind is ColumnKind.NAME for column in table.columns]
     heads = "".join(
         _cell("th", column.heading, is_left)
         for column, is_left in zip(table.columns, left, strict=True)

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from pinfric.drives.table import ImportedTable
 from pinfric.model.brief import counted
-from pinfric.show.report.tables import Column, Kind, Report, Table, paragraphs
+from pinfric.show.report.tables import Column, ColumnKind, Report, Table, paragraphs
 
 
 def imported_report(found: ImportedTable) -> Report:
     """Return what `pinfric catalog` prints: the first row's figures, and what was left out."""
     heads = ("column", "read as", "in the first row", "in SI", "")
-    columns = [Column(head, Kind.LABEL) for head in heads]
+    columns = [Column(head, ColumnKind.LABEL) for head in heads]
     said = []
     if found.unused:
         said.append(f"columns not used: {', '.join(found.unused)}")

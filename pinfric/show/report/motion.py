@@ -10,7 +10,7 @@ from pinfric.dynamics.simulation.motion import FINISHED, Event, Motion, listed_t
 from pinfric.model.brief import counted
 from pinfric.show.motion_summary import EnergySummary, MotionSummary
 from pinfric.show.report.rows import table_of
-from pinfric.show.report.tables import Column, Kind, Report, Table, paragraphs
+from pinfric.show.report.tables import Column, ColumnKind, Report, Table, paragraphs
 from pinfric.show.report.values import digits
 
 #: Of more stick intervals, events or sites than this the first, or the largest, are printed.
@@ -64,5 +64,5 @@ def _energy_table(energy: EnergySummary, motors: bool) -> Table:
         kind = "further place" if motors else "further joint"
         rows.append((f"heat at {counted(len(rest), kind)}", sum(rest)))
     rows.append(("unaccounted", energy.residual))
-    columns = (Column("", Kind.WORDS), Column("J"))
+    columns = (Column("", ColumnKind.WORDS), Column("J"))
     return Table("energy", columns, [(place, digits(x)) for place, x in rows])

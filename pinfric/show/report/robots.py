@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from pinfric.model.scene_file import bundled_folder, measured_scenes
-from pinfric.show.report.tables import Column, Kind, Report, Table, paragraphs
+from pinfric.show.report.tables import Column, ColumnKind, Report, Table, paragraphs
 
 
 def robots_report() -> Report:
     """Return the table that `pinfric robots` prints, for a rich console."""
     heads = ("name", "robot", "grade", "to speed\nrad/s", "deg C", "side")
-    columns = [Column(head, Kind.LABEL) for head in heads]
+    columns = [Column(head, ColumnKind.LABEL) for head in heads]
     rows = []
     for name, m in sorted(measured_scenes().items()):
         tops = sorted({top for _, top in m.speeds})

@@ -10,7 +10,7 @@ from string import Formatter
 from typing import Any
 
 from pinfric.model.described import EFFORT, Quantity, quantities, unit_of
-from pinfric.show.report.tables import Column, Kind, Table
+from pinfric.show.report.tables import Column, ColumnKind, Table
 from pinfric.show.report.values import digits, percent, percentage, power_of_ten, signed
 
 #: Units of people: how many of them an SI unit has.
@@ -70,7 +70,7 @@ def table_of(
         unit = shown_unit(found, rows)
         found_columns.append((found.heading, unit, kind(found, values, column)))
         texts.append(column)
-    units = [unit for _, unit, behaves in found_columns if behaves is Kind.NUMBER]
+    units = [unit for _, unit, behaves in found_columns if behaves is ColumnKind.NUMBER]
     if title and len(units) > 1 and len(set(units)) == 1 and (of_all := units[0]):
         title, found_columns = (
             f"{title}, {of_all}",
@@ -134,20 +134,20 @@ def heading(text: str, unit: str) -> str:
     return f"{text}\n{unit}" if unit else text
 
 
-def kind(found: Quantity, values: Sequence[Any], texts: Sequence[str]) -> Kind:
+def kind(found: Quantity, values: Sequence[Any], texts: Sequence[str]) -> ColumnKind:
     """Return how a column behaves: numbers, names, short words or long ones.
 
     Args:
         texts: what the column shows of them.
     """
     if found.name:
-        return Kind.NAME
+        return ColumnKind.NAME
     known = [value for value in values if value is not None]
     said = all(text[:1].isalpha() for text in texts)  # "moves" of a number
     if not said and not any(isinstance(x, _WORDY) or _words(x) for x in known):
-        return Kind.NUMBER
+        return ColumnKind.NUMBER
     lines = [line for text in texts for line in text.split("\n")]
-    return Kind.LABEL if all(len(line) <= _LABEL for line in lines) else Kind.WORDS
+    return ColumnKind.LABEL if all(len(line) <= _LABEL for line in lines) else ColumnKind.WORDS
 
 
 def _words(value: Any) -> bool:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from pinfric.show.report.rows import table_of
-from pinfric.show.report.tables import Column, Kind, Report, Table, paragraphs
+from pinfric.show.report.tables import Column, ColumnKind, Report, Table, paragraphs
 from pinfric.show.report.values import digits
 from pinfric.sweeps.result import Probability, SweepResult
 from pinfric.sweeps.summary import MotorOnTrial, SweepSummary
@@ -76,7 +76,7 @@ def _elastic_table(result: SweepResult, found: dict[str, np.ndarray]) -> Table:
         scale, unit = (1.0, "Hz") if name == "lowest_frequency" else (1e3, "mm")
         shown = (digits(scale * x) for x in values)
         rows.append((name.replace("_", " "), unit, *shown))
-    columns = [Column("figure", Kind.LABEL), Column("unit", Kind.LABEL)]
+    columns = [Column("figure", ColumnKind.LABEL), Column("unit", ColumnKind.LABEL)]
     columns += [Column(f"{p:g} %") for p in result.percentiles]
     return Table("elastic gears: the worst of each cycle", columns, rows, keys=2)
 
@@ -84,11 +84,11 @@ def _elastic_table(result: SweepResult, found: dict[str, np.ndarray]) -> Table:
 def _driver_table(result: SweepResult, where: str) -> Table:
     """Which parameters decide a drive's peak and RMS."""
     signed = not result.has_shares
-    columns = [Column("joint", Kind.NAME)]
+    columns = [Column("joint", ColumnKind.NAME)]
     rows = [[drive] for drive in result.actuator_names]
     names = [brief(parameter) for parameter in result.parameter_names]
     for title, figure in zip(("peak", "RMS"), result.rated, strict=True):
-        columns += [Column(title, Kind.NAME, names), Column("")]
+        columns += [Column(title, ColumnKind.NAME, names), Column("")]
         for row, found in zip(rows, result.influences(figure).T, strict=True):
             most = result.strongest(found, _NAMED)
             row.append("\n".join(own(result.parameter_names[j], row[0]) for j in most) or _NOTHING)

@@ -30,7 +30,7 @@ _GAP = 2
 _NAME, _WORDS = 14, 20
 
 
-class Kind(Enum):
+class ColumnKind(Enum):
     """How a column behaves where room is short."""
 
     #: Right-aligned; never cut, never wrapped.
@@ -51,13 +51,13 @@ class Column:
     """
 
     heading: str
-    kind: Kind = Kind.NUMBER
+    kind: ColumnKind = ColumnKind.NUMBER
     among: Sequence[str] = ()
 
     @property
     def shortened(self) -> bool:
         """Whether a report leaves out what its names begin and end with: joints and drives."""
-        return self.kind is Kind.NAME and not self.among
+        return self.kind is ColumnKind.NAME and not self.among
 
 
 @dataclass(frozen=True)
@@ -116,7 +116,7 @@ class Table:
             wide = options.update(max_width=max(options.max_width, width))
             made = RichTable(box=SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0), show_edge=False)
             for c in block:
-                number = self.columns[c].kind is Kind.NUMBER
+                number = self.columns[c].kind is ColumnKind.NUMBER
                 made.add_column(
                     self.columns[c].heading,
                     justify="right" if number else "left",
@@ -182,7 +182,7 @@ def _lay_out(table: Table, width: int) -> tuple[list[list[str]], list[int], list
     widths = _grow(table, whole, least, blocks, width)
     for c, column in enumerate(table.columns):
         names = [*_lines(cells[c]), *column.among]
-        if column.kind is Kind.NAME and least_room(names) <= widths[c]:
+        if column.kind is ColumnKind.NAME and least_room(names) <= widths[c]:
             short = dict(zip(names, shortened(names, widths[c]), strict=True))
             cells[c] = ["\n".join(short[x] for x in cell.split("\n")) for cell in cells[c]]
     return cells, widths, blocks
@@ -197,12 +197,12 @@ def _widest(texts: Sequence[str]) -> int:
 def _least(column: Column, texts: Sequence[str], whole: int, width: int) -> int:
     """The width below which a column would rather stand in another block."""
     heading = _widest((column.heading,))
-    if column.kind is Kind.NAME:
+    if column.kind is ColumnKind.NAME:
         tell_apart = least_room([*texts, *column.among])
         if tell_apart > width // 2:  # no shorter name is one name only: they are folded
             tell_apart = 0
         return min(whole, max(heading, tell_apart, min(_widest(texts), _NAME)))
-    if column.kind is Kind.WORDS:
+    if column.kind is ColumnKind.WORDS:
         word = _widest([word for text in texts for word in text.split()])
         return min(whole, max(heading, _WORDS, word if word <= width // 2 else 0))
     return whole
@@ -244,7 +244,9 @@ def _grow(
         widths[c] = min(whole[c], widths[c] + max(free, 0))
     for block in blocks:
         for c in block[table.keys :]:
-            folds = table.columns[c].kind is Kind.WORDS  # beside a long key into less than is good
+            folds = (
+                table.columns[c].kind is ColumnKind.WORDS
+            )  # beside a long key into less than is good
             floor = _widest((table.columns[c].heading,)) if folds else widths[c]
             widths[c] = min(whole[c], max(widths[c] + spare(block), floor))
     return widths

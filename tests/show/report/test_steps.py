@@ -16,7 +16,7 @@ from pinfric.model.described import (
 )
 from pinfric.show.report.names import affixes, least_room, said_short, short_names, shortened
 from pinfric.show.report.rows import table_of, text_of
-from pinfric.show.report.tables import Column, Kind, Table
+from pinfric.show.report.tables import Column, ColumnKind, Table
 
 # Names: names cut so that each stands for one joint only.
 
@@ -24,7 +24,7 @@ from pinfric.show.report.tables import Column, Kind, Table
 def test_names_no_cut_tells_apart_are_folded_whole():
     names = [f"{'a' * 60}{i}{'z' * 60}" for i in range(3)]
     assert affixes(names) == ("", "")
-    table = Table("", [Column("joint", Kind.NAME), Column("x")], [(n, "1.5") for n in names])
+    table = Table("", [Column("joint", ColumnKind.NAME), Column("x")], [(n, "1.5") for n in names])
     lines = printed([table], 40)
     assert max(map(len, lines)) <= 40
     assert "".join(line.split()[0] for line in lines[2:]) == "".join(names)

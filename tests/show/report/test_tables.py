@@ -19,7 +19,7 @@ from pinfric.model.described import in_json
 from pinfric.show.inverse_summary import inverse_summary
 from pinfric.show.report.inverse import inverse_report
 from pinfric.show.report.sizing import ROUNDING, sizing_report
-from pinfric.show.report.tables import Column, Kind, Table, paragraphs
+from pinfric.show.report.tables import Column, ColumnKind, Table, paragraphs
 from pinfric.show.report.values import digits, span
 from pinfric.sizing.summary import sizing_summary
 from pinfric.terminal import show
@@ -170,7 +170,9 @@ def test_panda_fits(width):
 
 
 def test_a_table_too_wide_for_any_terminal_loses_no_digit(monkeypatch, capsys):
-    table = Table("", [Column("joint", Kind.NAME), Column("effort")], [("elbow", "1234567.891011")])
+    table = Table(
+        "", [Column("joint", ColumnKind.NAME), Column("effort")], [("elbow", "1234567.891011")]
+    )
     assert "1234567.891011" in "\n".join(printed([table], 10))
     monkeypatch.setenv("COLUMNS", "10")
     show([table])
@@ -178,7 +180,9 @@ def test_a_table_too_wide_for_any_terminal_loses_no_digit(monkeypatch, capsys):
 
 
 def test_brackets_in_a_name_are_no_markup():
-    table = Table("", [Column("joint", Kind.NAME), Column("x")], [("arm[0]", "1"), ("[red]", "2")])
+    table = Table(
+        "", [Column("joint", ColumnKind.NAME), Column("x")], [("arm[0]", "1"), ("[red]", "2")]
+    )
     assert [line.split()[0] for line in printed([table], 80)[2:]] == ["arm[0]", "[red]"]
 
 
@@ -200,7 +204,7 @@ def test_width_is_the_terminals_of_a_pipe_eighty_and_columns_beats_both(monkeypa
 
 
 def test_a_report_says_names_in_lines_as_in_its_tables():
-    table = Table("", (Column("joint", Kind.NAME),), [("panda_a",), ("panda_b",)])
+    table = Table("", (Column("joint", ColumnKind.NAME),), [("panda_a",), ("panda_b",)])
     console = Console(file=io.StringIO(), width=80)
     console.print(*paragraphs(table, ["panda_a sticks"]), sep="\n")
     assert console.file.getvalue().splitlines()[-1] == "a sticks"
