@@ -16,6 +16,7 @@ import warnings
 from collections.abc import Callable, Sequence
 from contextlib import nullcontext
 from functools import partial
+from importlib import import_module
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -914,37 +915,31 @@ def export(
     answer("export", made, partial(export_report, made), as_json, scene=scene.source)
 
 
-def result_classes() -> dict[str, list[type]]:
-    """Return the described classes of what each command's `--json` holds as its result."""
-    from pinfric.accuracy.explain import Explanation
-    from pinfric.accuracy.study import Accuracy
-    from pinfric.checking.findings import CheckReport
-    from pinfric.exporting.export import Exported
-    from pinfric.identification.summary import IdentifySummary
-    from pinfric.paper.reproduction import Examples, LiteralExamples
-    from pinfric.retiming.summary import RetimeSummary
-    from pinfric.show.inverse_summary import InverseSummary
-    from pinfric.show.motion_summary import MotionSummary
-    from pinfric.show.replay.replay import Replay
-    from pinfric.sizing.summary import SizingSummary
-    from pinfric.stops.study import StopSummary
-    from pinfric.sweeps.summary import SweepSummary
+#: Command -> module and described classes of what its `--json` holds as its result.
+_RESULTS = {
+    "inverse": "show.inverse_summary InverseSummary",
+    "simulate": "show.motion_summary MotionSummary",
+    "paper": "paper.reproduction Examples LiteralExamples",
+    "size": "sizing.summary SizingSummary",
+    "stop": "stops.study StopSummary",
+    "retime": "retiming.summary RetimeSummary",
+    "sweep": "sweeps.summary SweepSummary",
+    "identify": "identification.summary IdentifySummary",
+    "replay": "show.replay.replay Replay",
+    "check": "checking.findings CheckReport",
+    "accuracy": "accuracy.study Accuracy",
+    "explain": "accuracy.explain Explanation",
+    "export": "exporting.export Exported",
+}
 
-    return {
-        "inverse": [InverseSummary],
-        "simulate": [MotionSummary],
-        "paper": [Examples, LiteralExamples],
-        "size": [SizingSummary],
-        "stop": [StopSummary],
-        "retime": [RetimeSummary],
-        "sweep": [SweepSummary],
-        "identify": [IdentifySummary],
-        "replay": [Replay],
-        "check": [CheckReport],
-        "accuracy": [Accuracy],
-        "explain": [Explanation],
-        "export": [Exported],
-    }
+
+def result_classes() -> dict[str, list[type]]:
+    """Return the classes of `_RESULTS`."""
+    found = {}
+    for command, words in _RESULTS.items():
+        module, *names = words.split()
+        found[command] = [getattr(import_module(f"pinfric.{module}"), name) for name in names]
+    return found
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
