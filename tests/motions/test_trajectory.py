@@ -1,5 +1,6 @@
 """Trajectories: profiles, way-points, CSV, and every kind of bad file in one message."""
 
+from functools import partial
 from types import SimpleNamespace
 
 import numpy as np
@@ -7,6 +8,7 @@ import pinocchio as pin
 import pytest
 from builders import chain
 from numpy.testing import assert_allclose, assert_array_equal
+from tables import arguments, table
 from trajectory_cases import arm_scene, message, one_joint_scene, write
 
 from pinfric.errors import TrajectoryError
@@ -103,20 +105,17 @@ def test_with_speed_scales_time_and_derivatives():
 GOOD = np.tile([0.0, 0.1, 1.0, 0.0], (3, 1))
 
 
-@pytest.mark.parametrize(
-    ("change", "says"),
-    [
-        (
-            {"q": GOOD[:, :3], "v": np.zeros((2, 3))},
-            r"2 problems: q has shape \(3, 3\).*; v has shape",
-        ),
-        ({"attached": {"bix": True}}, "unknown payload 'bix'"),
-        ({"t": [0, 1, 1]}, "time must increase; it does not after samples 1"),
-        ({"q": GOOD + np.array([9, 0, 0, 0])}, "joint a: 9 rad is above"),
-        ({"q": GOOD * 1.1}, r"q\[2:4\] is \(cos, sin\).*samples 0, 1, 2"),
-        ({"q": np.where([[0], [1], [0]], np.nan, GOOD)}, "q is not finite at samples 1"),
-    ],
-)
+WRONG = r"""
+q=GOOD[:, :3], v=np.zeros((2, 3))  2 problems: q has shape \(3, 3\).*; v has shape
+attached={"bix": True}             unknown payload 'bix'
+t=[0, 1, 1]                        time must increase; it does not after samples 1
+q=GOOD + np.array([9, 0, 0, 0])    joint a: 9 rad is above
+q=GOOD * 1.1                       q\[2:4\] is \(cos, sin\).*samples 0, 1, 2
+q=np.where([[0], [1], [0]], np.nan, GOOD)  q is not finite at samples 1
+"""
+
+
+@pytest.mark.parametrize(("change", "says"), table(WRONG, partial(arguments, GOOD=GOOD), str))
 def test_from_arrays_checks_everything(change, says):
     with pytest.raises(TrajectoryError, match=says):
         Trajectory.from_arrays(arm_scene(box=True), **{"t": [0, 1, 2], "q": GOOD} | change)

@@ -19,6 +19,7 @@ from builders import (
 )
 from judges.fewest_slips import fewest_slips
 from mechanisms import beside, four_bar, pin_friction, shifted
+from tables import arguments, table
 
 import pinfric as pf
 from pinfric.errors import (
@@ -321,26 +322,26 @@ def test_payloads_count_where_they_are_attached():
     assert moved.carried == ("box",)
 
 
-@pytest.mark.parametrize(
-    ("q", "v", "u", "message"),
-    [
-        ([0.0, 1.0], [0.0], [0.0], r"q: shape \(2,\); should be \(1,\)"),
-        ([0.0], [[0.0]], [0.0], "v: shape"),
-        ([0.0], [0.0], [], "effort: shape"),
-        ([0.0], [0.0], ["a"], "effort: is not an array"),
-        ([0.0], [0.0], [1j], "effort: is not an array"),
-        ([0j], [0.0], [0.0], "q: is not an array"),
-        ([0.0], [None], [0.0], "v: is not an array"),
-        ([np.nan], [0.0], [0.0], "q: column 0 is nan"),
-        ([0.0], [np.inf], [0.0], "v: column 0 is inf"),
-        ([0.0], [0.0], [np.nan], "effort: column 0 is nan"),
-    ],
-)
+WRONG = r"""
+q=[0.0, 1.0]     q: shape \(2,\); should be \(1,\)
+v=[[0.0]]        v: shape
+effort=[]        effort: shape
+effort=["a"]     effort: is not an array
+effort=[1j]      effort: is not an array
+q=[0j]           q: is not an array
+v=[None]         v: is not an array
+q=[np.nan]       q: column 0 is nan
+v=[np.inf]       v: column 0 is inf
+effort=[np.nan]  effort: column 0 is nan
+"""
+
+
+@pytest.mark.parametrize(("change", "message"), table(WRONG, arguments, str))
 @pytest.mark.parametrize("friction", [{}, {"slide": plane_friction(0.35, 0.3)}])
-def test_bad_input(q, v, u, message, friction):
+def test_bad_input(change, message, friction):
     scene = pf.Scene(model=block(0.5), friction=friction)
     with pytest.raises(StateError, match=message):
-        pf.forward_dynamics(scene, q, v, u)
+        pf.forward_dynamics(scene, **{"q": [0.0], "v": [0.0], "effort": [0.0]} | change)
 
 
 def test_a_joint_that_moves_no_mass_is_an_error():
@@ -421,17 +422,17 @@ def test_a_batch_is_its_states_one_by_one():
     np.testing.assert_array_equal(one_effort.effort, np.zeros((6, 6)))
 
 
-@pytest.mark.parametrize(
-    ("change", "says"),
-    [
-        ({"v": np.ones((2, 1))}, r"v has shape \(2, 1\); q has 3 samples, so v needs 3 rows"),
-        ({"v": np.ones(1)}, r"v has shape \(1,\); q has 3 samples"),
-        ({"effort": np.ones((2, 1))}, "effort needs 3 rows"),
-        ({"q": np.ones((0, 1))}, "q has no samples; give at least one state"),
-        ({"q": np.ones((3, 2))}, r"sample 0: q: shape \(2,\); should be \(1,\)"),
-        ({"v": np.array([[0.0], [1.0], [np.nan]])}, "sample 2: v: .*should be finite"),
-    ],
-)
+BATCH = r"""
+v=np.ones((2, 1))       v has shape \(2, 1\); q has 3 samples, so v needs 3 rows
+v=np.ones(1)            v has shape \(1,\); q has 3 samples
+effort=np.ones((2, 1))  effort needs 3 rows
+q=np.ones((0, 1))       q has no samples; give at least one state
+q=np.ones((3, 2))       sample 0: q: shape \(2,\); should be \(1,\)
+v=np.array([[0.0], [1.0], [np.nan]])  sample 2: v: .*should be finite
+"""
+
+
+@pytest.mark.parametrize(("change", "says"), table(BATCH, arguments, str))
 def test_a_wrong_batch_names_its_sample(change, says):
     given = {"q": np.ones((3, 1)), "v": np.ones((3, 1)), "effort": np.ones((3, 1))} | change
     with pytest.raises(StateError, match=says):

@@ -7,44 +7,41 @@ import pinocchio as pin
 import pytest
 from builders import block, chain, lump, plane_friction, sliding_block
 from mechanisms import shifted
+from tables import arguments, table
 
 import pinfric as pf
 from pinfric.dynamics.samples.reversals import reversals
 from pinfric.errors import SceneError, StateError
 
+WRONG = r"""
+q=np.zeros((3, 2))                    q: shape \(3, 2\); should be \(T, 1\)
+v=np.zeros((2, 1))                    3, 2, 3 samples
+a=np.array([[0.0], [np.nan], [0.0]])  a: sample 1, column 0 is nan
+t=np.array([0.0, 0.2, 0.2])           not increasing at sample 2
+threads=0                             threads = 0
+chunks=0                              chunks = 0
+external={"table": np.zeros((2, 6))}  external
+q=np.zeros((0, 1)), v=np.zeros((0, 1)), a=np.zeros((0, 1))  no samples
+attached=np.zeros((3, 2), dtype=bool)  attached: shape
+q="abc"                               q: is not an array of numbers: it holds text
+a=np.zeros((3, 1), dtype=bool)        a: is not an array of numbers: it holds true and
+v=np.zeros((3, 1), dtype=complex)     v: .* holds complex numbers; give real numbers
+v=[[0.0], [1.0, 2.0], [0.0]]          v: is not an array of numbers: .*inhomogeneous
+a=np.array([[0.0], [None], [1]])      a: is not an array of numbers: it holds objects
+t=["0", "1", "2"]                     t: is not an array of numbers: it holds text
+t=np.arange(3) * 1j                   t: is not an array of numbers: it holds complex numbers
+attached=[["no"], ["no"], ["yes"]]    attached: is not an array of numbers: .* text
+attached=[[0.5], [1], [0]]            attached: holds other numbers than 0 and 1
+external={"table": np.full(6, 1j)}    external\['table'\]: .* complex numbers
+external=np.zeros(6)                  external: should be a mapping of frames to wrenches on them,
+chunks=2.5                            chunks = 2.5; should be a whole number of at least 1
+chunks=True                           chunks = True; should be a whole number
+chunks="2"                            chunks = '2'; should be a whole number
+threads=1.5                           threads = 1.5; should be a whole number
+"""
 
-@pytest.mark.parametrize(
-    ("change", "says"),
-    [
-        ({"q": np.zeros((3, 2))}, r"q: shape \(3, 2\); should be \(T, 1\)"),
-        ({"v": np.zeros((2, 1))}, "3, 2, 3 samples"),
-        ({"a": np.array([[0.0], [np.nan], [0.0]])}, "a: sample 1, column 0 is nan"),
-        ({"t": np.array([0.0, 0.2, 0.2])}, "not increasing at sample 2"),
-        ({"threads": 0}, "threads = 0"),
-        ({"chunks": 0}, "chunks = 0"),
-        ({"external": {"table": np.zeros((2, 6))}}, "external"),
-        ({"q": np.zeros((0, 1)), "v": np.zeros((0, 1)), "a": np.zeros((0, 1))}, "no samples"),
-        ({"attached": np.zeros((3, 2), dtype=bool)}, "attached: shape"),
-        ({"q": "abc"}, "q: is not an array of numbers: it holds text"),
-        ({"a": np.zeros((3, 1), dtype=bool)}, "a: is not an array of numbers: it holds true and"),
-        ({"v": np.zeros((3, 1), dtype=complex)}, "v: .* holds complex numbers; give real numbers"),
-        ({"v": [[0.0], [1.0, 2.0], [0.0]]}, "v: is not an array of numbers: .*inhomogeneous"),
-        ({"a": np.array([[0.0], [None], [1]])}, "a: is not an array of numbers: it holds objects"),
-        ({"t": ["0", "1", "2"]}, "t: is not an array of numbers: it holds text"),
-        ({"t": np.arange(3) * 1j}, "t: is not an array of numbers: it holds complex numbers"),
-        ({"attached": [["no"], ["no"], ["yes"]]}, "attached: is not an array of numbers: .* text"),
-        ({"attached": [[0.5], [1], [0]]}, "attached: holds other numbers than 0 and 1"),
-        ({"external": {"table": np.full(6, 1j)}}, r"external\['table'\]: .* complex numbers"),
-        (
-            {"external": np.zeros(6)},
-            "external: should be a mapping of frames to wrenches on them, ",
-        ),
-        ({"chunks": 2.5}, "chunks = 2.5; should be a whole number of at least 1"),
-        ({"chunks": True}, "chunks = True; should be a whole number"),
-        ({"chunks": "2"}, "chunks = '2'; should be a whole number"),
-        ({"threads": 1.5}, "threads = 1.5; should be a whole number"),
-    ],
-)
+
+@pytest.mark.parametrize(("change", "says"), table(WRONG, arguments, str))
 def test_wrong_states_are_named(change, says):
     model = block()
     model.addBodyFrame("table", 1, pin.SE3.Identity(), 0)

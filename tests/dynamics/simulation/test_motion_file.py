@@ -5,12 +5,14 @@ from __future__ import annotations
 import io
 import json
 import random
+from functools import partial
 
 import numpy as np
 import pytest
 from builders import block, plane_friction
 from judges.test_gears import LOSSY, hoist
 from simulation_cases import slope, swing
+from tables import arguments, table
 
 import pinfric as pf
 from pinfric.dynamics.simulation.motion import ARRAYS
@@ -91,30 +93,32 @@ def nowhere(array):
     return changed
 
 
+CHANGES = """
+q=lambda q: q[:-1]              q has shape
+v=lambda v: np.tile(v, 2)       v has shape
+effort=lambda u: u[:, :0]       effort has shape
+t=lambda t: t[:, None]          t has shape
+t=lambda t: t[::-1]             times do not increase
+phase_t=lambda t: t[::-1] - 1   times do not increase
+phase_t=lambda t: t[:-1]        phase_t has shape
+modes=lambda m: m + 2           other modes than -1, 0, 1
+friction=nowhere                friction is not finite
+a=lambda a: a.astype(complex)   a holds no real numbers
+a=lambda a: a.astype(str)       a holds no real numbers
+method="guess"                  method
+format=7                        format 7; this pinfric reads 1
+format=None                     format None
+evaluations=-1                  evaluations
+scene=[]                        scene
+carried=["ghost"]               there is no payload 'ghost'
+events=[[0.1, "no_joint", "slip", 1]]       an event names 'no_joint'
+events=[[float("nan"), "pivot", "slip", 1]]  events
+events=[["pivot"]]              events
+"""
+
+
 @pytest.mark.parametrize(
-    ("changes", "words"),
-    [
-        ({"q": lambda q: q[:-1]}, "q has shape"),
-        ({"v": lambda v: np.tile(v, 2)}, "v has shape"),
-        ({"effort": lambda u: u[:, :0]}, "effort has shape"),
-        ({"t": lambda t: t[:, None]}, "t has shape"),
-        ({"t": lambda t: t[::-1]}, "times do not increase"),
-        ({"phase_t": lambda t: t[::-1] - 1.0}, "times do not increase"),
-        ({"phase_t": lambda t: t[:-1]}, "phase_t has shape"),
-        ({"modes": lambda m: m + 2}, "other modes than -1, 0, 1"),
-        ({"friction": nowhere}, "friction is not finite"),
-        ({"a": lambda a: a.astype(complex)}, "a holds no real numbers"),
-        ({"a": lambda a: a.astype(str)}, "a holds no real numbers"),
-        ({"method": "guess"}, "method"),
-        ({"format": 7}, "format 7; this pinfric reads 1"),
-        ({"format": None}, "format None"),
-        ({"evaluations": -1}, "evaluations"),
-        ({"scene": []}, "scene"),
-        ({"carried": ["ghost"]}, "there is no payload 'ghost'"),
-        ({"events": [[0.1, "no_joint", "slip", 1]]}, "an event names 'no_joint'"),
-        ({"events": [[float("nan"), "pivot", "slip", 1]]}, "events"),
-        ({"events": [["pivot"]]}, "events"),
-    ],
+    ("changes", "words"), table(CHANGES, partial(arguments, nowhere=nowhere), str)
 )
 def test_arrays_and_entries_that_do_not_fit_are_named(saved, changes, words, tmp_path):
     scene, _, content = saved

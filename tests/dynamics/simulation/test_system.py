@@ -7,6 +7,7 @@ import pinocchio as pin
 import pytest
 from builders import block, chain, plane_friction, sliding_block
 from simulation_cases import SHORT, G, slope
+from tables import arguments, table
 
 import pinfric as pf
 from pinfric.dynamics.forward.efforts import make_effort
@@ -76,8 +77,8 @@ simulation: {effort: {slide: %s}, t_end: 1.0}
         expected = 12 * motion.t if "table" in entry else 8 * np.sin(3 * motion.t)
         np.testing.assert_allclose(motion.effort[:, 0], expected, atol=1e-12)
         assert motion.events[0].kind == "slip"
-    for table, message in (("no.csv", "cannot be read"), ("scene.yaml", "no column 't'")):
-        (tmp_path / "scene.yaml").write_text(text % f"{{table: {table}}}")
+    for name, message in (("no.csv", "cannot be read"), ("scene.yaml", "no column 't'")):
+        (tmp_path / "scene.yaml").write_text(text % f"{{table: {name}}}")
         with pytest.raises(SimulationError, match=message):
             pf.simulate(pf.load_scene(tmp_path / "scene.yaml"), [0.0], [0.0], None, 1.0)
 
@@ -109,48 +110,48 @@ def test_an_effort_function_may_ask_for_forward_dynamics_itself():
     np.testing.assert_array_equal(asked.q, plain.q)
 
 
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"q0": [np.nan]}, "q0: column 0 is nan"),
-        ({"q0": [0.0, 1.0]}, r"q0: shape \(2,\); should be \(1,\)"),
-        ({"v0": [np.inf]}, "v0: column 0 is inf"),
-        ({"v0": []}, "v0: shape"),
-        ({"effort": [np.nan]}, "effort: holds NaN"),
-        ({"effort": [0.0, 1.0]}, r"effort: shape \(2,\); should be \(1,\), one for each of slide"),
-        ({"effort": "full"}, "effort: is not an array"),
-        ({"effort": [1j]}, "effort: is not an array"),
-        ({"effort": lambda t, q, v: [1j]}, "returned no numbers at t = 0 s: .*complex"),
-        ({"q0": [1j]}, "q0: .*complex"),
-        ({"v0": [True]}, "v0: .*true and false"),
-        ({"max_events": 2.5}, "max_events = 2.5: should be a whole number"),
-        ({"effort": {"slid": 1.0}}, "no drive 'slid'"),
-        ({"effort": {"slide": [1, 2]}}, "should be a number"),
-        ({"effort": ([0.0, 0.0], [[0.0], [1.0]])}, "times do not increase at row 1"),
-        ({"effort": ([0.0, 1.0], [0.0, 1.0])}, r"values of shape \(2,\)"),
-        ({"effort": None}, "has no `simulation` section"),
-        ({"effort": lambda t, q, v: [1.0, 2.0]}, r"returned shape \(2,\) at t = 0 s"),
-        ({"effort": lambda t, q, v: "x"}, "returned no numbers at t = 0 s"),
-        ({"effort": lambda t, q, v: [np.nan]}, "t = 0 s: effort: column 0 is nan"),
-        ({"t_end": 0.0}, "t_end = 0.0: should be a positive number"),
-        ({"t_end": -1.0}, "t_end"),
-        ({"t_end": np.nan}, "t_end"),
-        ({"t_end": 1e-300}, r"t_end = 1e-300 s: should be at least 1e-12 s"),
-        ({"t_end": 1e155}, r"t_end = 1e.155 s: should be at most 1e.10 s"),
-        ({"method": "timestepping", "dt": 1e-11}, "steps; at most 1e.09 are possible"),
-        ({"rtol": 1e-300}, "rtol = 1e-300"),
-        ({"rtol": 1.1}, r"rtol = 1\.1.*at most 1"),
-        ({"atol": 1.1}, r"atol = 1\.1.*at most 1"),
-        ({"t_end": "1"}, "t_end = '1'"),
-        ({"t_end": 0}, "t_end = 0: should be a positive number"),
-        ({"dt": 0.0}, "dt = 0.0: should be a positive number"),
-        ({"dt": -1e-3}, "dt"),
-        ({"rtol": 0.0}, "rtol"),
-        ({"sample_step": 0.0}, "sample_step"),
-        ({"method": "euler"}, "method 'euler': there are: event, timestepping, regularized"),
-        ({"breakpoints": [np.nan]}, "breakpoints"),
-    ],
-)
+WRONG = r"""
+q0=[np.nan]                  q0: column 0 is nan
+q0=[0.0, 1.0]                q0: shape \(2,\); should be \(1,\)
+v0=[np.inf]                  v0: column 0 is inf
+v0=[]                        v0: shape
+effort=[np.nan]              effort: holds NaN
+effort=[0.0, 1.0]            effort: shape \(2,\); should be \(1,\), one for each of slide
+effort="full"                effort: is not an array
+effort=[1j]                  effort: is not an array
+effort=lambda t, q, v: [1j]  returned no numbers at t = 0 s: .*complex
+q0=[1j]                      q0: .*complex
+v0=[True]                    v0: .*true and false
+max_events=2.5               max_events = 2.5: should be a whole number
+effort={"slid": 1.0}         no drive 'slid'
+effort={"slide": [1, 2]}     should be a number
+effort=([0.0, 0.0], [[0.0], [1.0]])  times do not increase at row 1
+effort=([0.0, 1.0], [0.0, 1.0])      values of shape \(2,\)
+effort=None                  has no `simulation` section
+effort=lambda t, q, v: [1.0, 2.0]    returned shape \(2,\) at t = 0 s
+effort=lambda t, q, v: "x"           returned no numbers at t = 0 s
+effort=lambda t, q, v: [np.nan]      t = 0 s: effort: column 0 is nan
+t_end=0.0                    t_end = 0.0: should be a positive number
+t_end=-1.0                   t_end
+t_end=np.nan                 t_end
+t_end=1e-300                 t_end = 1e-300 s: should be at least 1e-12 s
+t_end=1e155                  t_end = 1e.155 s: should be at most 1e.10 s
+method="timestepping", dt=1e-11      steps; at most 1e.09 are possible
+rtol=1e-300                  rtol = 1e-300
+rtol=1.1                     rtol = 1\.1.*at most 1
+atol=1.1                     atol = 1\.1.*at most 1
+t_end="1"                    t_end = '1'
+t_end=0                      t_end = 0: should be a positive number
+dt=0.0                       dt = 0.0: should be a positive number
+dt=-1e-3                     dt
+rtol=0.0                     rtol
+sample_step=0.0              sample_step
+method="euler"               method 'euler': there are: event, timestepping, regularized
+breakpoints=[np.nan]         breakpoints
+"""
+
+
+@pytest.mark.parametrize(("change", "message"), table(WRONG, arguments, str))
 def test_bad_input(change, message):
     good = {"q0": [0.0], "v0": [0.0], "effort": [0.0], "t_end": 1.0}
     with pytest.raises((SimulationError, StateError), match=message):
