@@ -13,11 +13,14 @@ for (const owner of [...sites, ...D.rows]) {  // joints; drives: gears, logged e
   [owner.canvas, owner.value] = [owner.row.querySelector("canvas"), owner.row.querySelector(".value")];
 }
 for (const site of sites) site.tag = $("labels").appendChild(element("span", "", plain(site.label)));
-const poles = ["x", "y", "z"].map((name, k) =>
-  ({tip: new THREE.Vector3().setComponent(k, 0.55), tag: $("labels").appendChild(element("b", "", name))}));
+const poles = [["x", "#c62828"], ["y", "#2e7d32"], ["z", "#1d4ed8"]].map(([name, color], k) => {
+  const tag = Object.assign(element("em", "", name), {style: `color:${color}`});
+  $("labels").prepend(tag);  // below the joints' names
+  return {tag, tip: new THREE.Vector3().setComponent(k, 0.55)};
+});
 poles.node = viewer.scene_tree.find(["Axes"]).object;
 poles.node.traverse((node) => { if (node.material) [node.material.depthTest, node.renderOrder] = [false, 9]; });
-const ticks = element("div", "row ticks", `<span class="name">time, s</span><div class="track"><canvas></canvas></div><span></span>`);
+const ticks = element("div", "row ticks", `<span class="head">time, s</span><div class="track"><canvas></canvas></div><span></span>`);
 $("strips").append(ticks);
 
 function sized(canvas) {
