@@ -637,6 +637,27 @@ def test_no_kernel_is_compiled_or_interpreted_after_a_solver_is_made():
         assert (compiled, float(interpreted)) == ("none", 0.0), name
 
 
+#: Kernels that a solver of an open chain compiles from an empty cache: a third of a second each.
+KERNELS = 146
+ARE_REACHED = """
+import pinfric as pf
+from pinfric.kernels.compiled import _KERNELS
+from pinfric.kernels.progress import _reached
+
+pf.load_scene("ur5e").solver()
+print(len(set().union(*(_reached(made.py_func) for made in _KERNELS.values() if made.overloads))))
+"""
+
+
+@pytest.mark.slow
+def test_a_solver_compiles_no_more_kernels_than_its_budget():
+    """After a change: another number here, and the commit says what one more bought."""
+    done = subprocess.run(
+        [sys.executable, "-c", ARE_REACHED], capture_output=True, text=True, check=True
+    )
+    assert int(done.stdout) <= KERNELS
+
+
 @pytest.mark.parametrize("index", range(len(EVERY)), ids=IDS)
 def test_a_solver_of_other_friction_is_that_of_a_new_scene(index):
     """The old one stays as it is, and both may be called in turn."""
