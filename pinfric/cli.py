@@ -204,14 +204,14 @@ def simulate(
     """
     names = "motion.csv", "motion.npz", "motion.png", "summary.json"
     scene, _ = load(scene_name, out=out, names=names)
-    from pinfric.dynamics.simulation.simulate import simulate as run
+    from pinfric.dynamics.simulation.simulate import simulate
     from pinfric.show.figure.motion import motion_figure
     from pinfric.show.motion_summary import motion_summary
     from pinfric.show.report.motion import motion_report
 
     numbers = {"rtol": rtol, "atol": None if rtol is None else 1e-2 * rtol, "dt": dt}
     given: Any = {name: value for name, value in numbers.items() if value is not None}
-    motion = run(scene, t_end=t_end, method=method, **given)
+    motion = simulate(scene, t_end=t_end, method=method, **given)
     found = motion_summary(motion)
     files: Files = {
         "motion.csv": lambda path: motion.to_dataframe().to_csv(path, index=False),
@@ -237,7 +237,7 @@ def paper(
     --out writes the paper's figures 5, 6, 8, 9, 10 and summary.json.
     """
     from pinfric.model.files import check_writable
-    from pinfric.paper import reproduction as made
+    from pinfric.paper import reproduction
     from pinfric.paper.figures import paper_figures
     from pinfric.paper.report import literal_report, paper_report
 
@@ -249,14 +249,14 @@ def paper(
         check_writable(out, [*(f"figure_{n}.png" for n in (5, 6, 8, 9, 10)), "summary.json"])
     if reading == "literal":
         with working("simulating both examples as printed"):
-            literal = [made.read_literally(example) for example in made.EXAMPLES]
-        found: Any = made.LiteralExamples(tuple(literal))
+            literal = [reproduction.read_literally(example) for example in reproduction.EXAMPLES]
+        found: Any = reproduction.LiteralExamples(tuple(literal))
         report, figures = literal_report(literal), {}
     else:
         with working("simulating both examples, twice"):
-            examples = [made.reproduce(example) for example in made.EXAMPLES]
-            loop = made.closed_loop_difference()
-        found = made.Examples(tuple(examples), loop)
+            examples = [reproduction.reproduce(example) for example in reproduction.EXAMPLES]
+            loop = reproduction.closed_loop_difference()
+        found = reproduction.Examples(tuple(examples), loop)
         report = paper_report(examples, loop)
         figures = paper_figures(*examples) if out is not None else {}
     files: Files = {name: figure.savefig for name, figure in figures.items()}
@@ -314,7 +314,7 @@ def size(
     from pinfric.show.pages.sizing import sizing_page
     from pinfric.show.report.bill import bill_of_materials
     from pinfric.show.report.sizing import sizing_report, verdict
-    from pinfric.sizing.size import size as size_drives
+    from pinfric.sizing.size import size
     from pinfric.sizing.summary import sizing_summary
 
     if not weighed and (on, period) != (1.0, 600.0):
@@ -334,9 +334,7 @@ def size(
     conditions = pairs(condition, "--condition", number_or_name)
     asked = _nested(pairs(rating, "--rating", number_or_name)) if rating else None
     with working(f"sizing {len(scene.drives)} drives"):
-        report = size_drives(
-            scene, duty, catalog, rating=asked, conditions=conditions, on_miss="ignore"
-        )
+        report = size(scene, duty, catalog, rating=asked, conditions=conditions, on_miss="ignore")
     if report.catalog is not None:
         read.extend(report.catalog.files)
     found = sizing_summary(report)
@@ -448,11 +446,10 @@ def stop(
     from pinfric.show.figure.stop import stop_figure
     from pinfric.show.pages.stop import stop_page
     from pinfric.show.report.stop import stop_report, verdict
-    from pinfric.stops.study import stop as find_stops
-    from pinfric.stops.study import stop_summary
+    from pinfric.stops.study import stop, stop_summary
 
     with progress("stops") as report:
-        result = find_stops(scene, trajectory, category=category, progress=report)
+        result = stop(scene, trajectory, category=category, progress=report)
     found = stop_summary(result)
     files: Files = {
         "report.html": lambda path: path.write_text(stop_page(result), encoding="utf-8"),
@@ -488,13 +485,13 @@ def retime(
     """
     names = "trajectory.csv", "retime.png", "summary.json"
     scene, _ = load(scene_name, out=out, names=names, later=[path_name, motors])
-    from pinfric.retiming.retime import retime as find_fastest
+    from pinfric.retiming.retime import retime
     from pinfric.retiming.summary import retime_summary
     from pinfric.show.figure.retime import retime_figure
     from pinfric.show.report.retime import retime_report, verdict
 
     with working("retiming"):
-        result = find_fastest(scene, path_name, motors, heat=heat, smooth=1e-3 * smooth)
+        result = retime(scene, path_name, motors, heat=heat, smooth=1e-3 * smooth)
     read.extend([result.problem.path.source, motors or ""])
     found = retime_summary(result)
     files: Files = {
@@ -534,14 +531,14 @@ def sweep(
     scene, trajectory = load(scene_name, trajectory_name, log, out, names, [sweep_name])
     from pinfric.show.figure.sweep import sweep_figure
     from pinfric.show.report.sweep import sweep_report
-    from pinfric.sweeps.run import sweep as run_sweep
+    from pinfric.sweeps.run import sweep
     from pinfric.sweeps.summary import sweep_summary
     from pinfric.sweeps.workers import on_cluster
 
     if processes and cluster:
         raise typer.BadParameter("has its own processes", param_hint="--cluster")
     with progress("cycles") as report, on_cluster(cluster) if cluster else nullcontext():
-        result = run_sweep(scene, trajectory, sweep_name, processes=processes, progress=report)
+        result = sweep(scene, trajectory, sweep_name, processes=processes, progress=report)
     read.append(result.sweep)
     found = sweep_summary(result)
     files: Files = {
@@ -594,14 +591,14 @@ def identify(
     from dataclasses import replace
 
     from pinfric.identification.files import identified_files
-    from pinfric.identification.identify import identify as find
+    from pinfric.identification.identify import identify
     from pinfric.identification.summary import identify_summary
     from pinfric.model.csv_text import number_of
     from pinfric.show.pages.identification import identification_page
     from pinfric.show.report.identify import identify_report, verdict
 
     with progress("steps") as report:
-        found = find(
+        found = identify(
             scene,
             logs,
             gain=pairs(gain, "--gain", number_of),
@@ -651,8 +648,7 @@ def replay(
     """
     from pinfric.dynamics.simulation.motion import Motion
     from pinfric.model.scene_file import load_scene
-    from pinfric.show.replay.replay import replay as make_replay
-    from pinfric.show.replay.replay import replay_lines
+    from pinfric.show.replay.replay import replay, replay_lines
     from pinfric.show.timeline.motion import motion_to_replay
 
     scene = load_scene(scene_name)
@@ -662,7 +658,7 @@ def replay(
         motion, judged = motion_to_replay(scene, motion_name, log, effort_at)
     title = Path(scene.source).stem + (f" · {Path(motion_name).name}" if motion_name else "")
     with working(f"writing {html}"):
-        shown = make_replay(scene, motion, html=html, title=title, log=judged, limits=motors)
+        shown = replay(scene, motion, html=html, title=title, log=judged, limits=motors)
     opened = shown.open() if open_browser else None
     urdf = "" if scene.robot is None else scene.robot.urdf
     read.extend([scene.source, urdf, motion_name or "", log.columns or "", motors or ""])
@@ -715,7 +711,7 @@ def new(
     """
     if link is not None and payload is None:
         raise typer.BadParameter("is the payload's: give --payload KG", param_hint="--link")
-    from pinfric.checking.plausibility import check as judge
+    from pinfric.checking.plausibility import check
     from pinfric.new_scene import write_new
     from pinfric.show.report.check import doubts
 
@@ -724,7 +720,7 @@ def new(
         given = xacro_arguments(xacro_arg)
         files = write_new(urdf, out, payload, link, drive=drive, mass=mass, xacro_args=given)
         scene = payload is not None or mass is not None
-        report = judge(files[0]) if scene else judge(urdf, given)
+        report = check(files[0]) if scene else check(urdf, given)
     show(doubts(report))
     for file in files:
         print_line(f"wrote {file}")
@@ -789,11 +785,11 @@ def check(
     as_json: AsJson = False,
 ) -> None:
     """List implausible values of a robot or a scene, and the units that would explain them."""
-    from pinfric.checking.plausibility import check as judge
+    from pinfric.checking.plausibility import check
     from pinfric.show.report.check import check_report
 
     with working("reading the robot and its meshes"):
-        report = judge(source, xacro_arguments(xacro_arg))
+        report = check(source, xacro_arguments(xacro_arg))
     read.extend(report.files)
     scene_name = "" if report.source.endswith((".urdf", ".xacro")) else report.source
     answer("check", report, partial(check_report, report), as_json, scene=scene_name)
@@ -807,11 +803,11 @@ def warm_up(scene_name: SceneName) -> None:
     Takes a minute or two with an empty cache, seconds if everything is compiled already.
     """
     scene, _ = load(scene_name)
-    from pinfric.dynamics.warm_up import warm_up as prepare
+    from pinfric.dynamics.warm_up import warm_up
     from pinfric.show.report.values import digits
 
     with working("compiling"):
-        seconds = prepare(scene)
+        seconds = warm_up(scene)
     print_line(f"{Path(scene.source).stem}: all kernels are ready, after {digits(seconds)} s")
 
 
@@ -823,12 +819,12 @@ def accuracy(scene_name: SceneName, out: OutFolder = None, as_json: AsJson = Fal
     """
     names = "accuracy.png", "accuracy.csv", "summary.json"
     scene, _ = load(scene_name, out=out, names=names)
-    from pinfric.accuracy.study import accuracy as study
+    from pinfric.accuracy.study import accuracy
     from pinfric.show.figure.accuracy import accuracy_figure
     from pinfric.show.report.accuracy import accuracy_report
 
     with working("measuring, half a minute or more; minutes with closed loops"):
-        found = study(scene)
+        found = accuracy(scene)
     files: Files = {
         "accuracy.png": lambda path: accuracy_figure(found).savefig(path),
         "accuracy.csv": lambda path: found.summary().to_csv(path),
@@ -851,11 +847,11 @@ def explain(
 ) -> None:
     """List the effects in a scene, the keys that cause them, and what each costs and changes."""
     scene, trajectory = load(scene_name, trajectory_name, log)
-    from pinfric.accuracy.explain import explain as measure
+    from pinfric.accuracy.explain import explain
     from pinfric.show.report.explain import explain_report
 
     with working("measuring"):
-        found = measure(scene, trajectory)
+        found = explain(scene, trajectory)
     report = partial(explain_report, found, scene.source)
     answer("explain", found, report, as_json, scene=scene.source)
 
@@ -896,8 +892,7 @@ def export(
     """
     from dataclasses import replace
 
-    from pinfric.exporting.export import export as make
-    from pinfric.exporting.export import file_names
+    from pinfric.exporting.export import export, file_names
     from pinfric.model.files import check_writable
     from pinfric.show.report.export import export_report
 
@@ -908,7 +903,7 @@ def export(
     file = out / names[0] if folder else out
     check_writable(file.parent, [file.name, *names[1:]])
     trajectory = None if trajectory_name is None else load_motion_of(scene, trajectory_name, log)
-    made = make(scene, trajectory, to, frames=frame or (), namespace=namespace)
+    made = export(scene, trajectory, to, frames=frame or (), namespace=namespace)
     made.write(out if to == "cpp" else file)
     say(f"wrote {' and '.join([str(file), *names[1:]])}")
     made = replace(made, file=str(file))

@@ -258,6 +258,10 @@ class PinfricWarning(UserWarning):
     """A result is computed, but the user should check the input."""
 
 
+class FindingWarning(PinfricWarning):
+    """Of what `pinfric check` lists as a finding of its own."""
+
+
 def one_line(text: str) -> str:
     """Return a text that a terminal shows as one line, whatever names it contains.
 

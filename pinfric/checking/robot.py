@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from pinfric.checking.link_extent import Extent, link_extents, place_of
-from pinfric.errors import PinfricWarning
+from pinfric.errors import FindingWarning, PinfricWarning
 from pinfric.model.mimics import lost_leaders
 from pinfric.model.robot import mesh_folders
 from pinfric.model.urdf import (
@@ -25,8 +25,6 @@ from pinfric.model.urdf import (
 )
 from pinfric.model.urdf_file import read_xml
 
-#: Parts of warnings of reading that are findings of their own: lost leaders, impossible inertias.
-_FOUND = "which is not there", "used as written"
 #: Shapes smaller than this part of the robot's reach stand in for something.
 _STAND_IN = 0.01
 
@@ -106,7 +104,11 @@ class RobotFacts:
             root = read_xml(urdf, xacro_args)
             lost, nameless = lost_leaders(root), not root.get("name")
             check_urdf(root, urdf)
-        texts = (str(one.message).removeprefix(f"{urdf}: ") for one in said)
+        texts = (
+            str(one.message).removeprefix(f"{urdf}: ")
+            for one in said
+            if not issubclass(one.category, FindingWarning)
+        )
         document = read_document(root, urdf)
         folders = mesh_folders(urdf)
         extents, unread = link_extents(document, urdf, folders)
@@ -119,7 +121,7 @@ class RobotFacts:
             missing_meshes(root, urdf, folders),
             unread,
             extents,
-            tuple(text for text in texts if not any(part in text for part in _FOUND)),
+            tuple(texts),
             xacro_args or {},
         )
 

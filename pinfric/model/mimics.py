@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from pinfric.errors import PinfricWarning, RobotError, choose_from
+from pinfric.errors import FindingWarning, PinfricWarning, RobotError, choose_from
 
 #: Share by which a follower that is locked beside its leader may be off its place.
 _SAME_PLACE = 1e-9
@@ -120,7 +120,7 @@ def _warn_of_lost(lost: Mapping[str, str], urdf: Path) -> None:
     warnings.warn(
         f"{urdf}: joint {name!r} mimics {leader!r}, which is not there{others}; a joint without "
         "leader moves independently, with its own drive",
-        PinfricWarning,
+        FindingWarning,
         stacklevel=6,
     )
 

@@ -9,6 +9,7 @@ import warnings
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -56,7 +57,11 @@ class Robot:
     xacro_args: Mapping[str, str] = field(default_factory=dict)
 
     def xml(self) -> ElementTree.Element:
-        """Return the root element of its file, with xacro expanded; see `read_xml`."""
+        """Return a copy of its file, the root element with xacro expanded; see `read_xml`."""
+        return copy.deepcopy(self._root)
+
+    @cached_property
+    def _root(self) -> ElementTree.Element:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", PinfricWarning)  # said when the robot was read
             return read_xml(self.urdf, self.xacro_args)

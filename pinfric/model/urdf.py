@@ -21,7 +21,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from pinfric.errors import PinfricWarning, RobotError, choose_from
+from pinfric.errors import FindingWarning, PinfricWarning, RobotError, choose_from
 from pinfric.model.inputs import note_input
 from pinfric.model.magnitudes import LARGEST
 from pinfric.model.mimics import link_of, settle_mimics
@@ -328,7 +328,7 @@ def _check_inertias(root: ElementTree.Element, urdf: Path) -> None:
         warnings.warn(
             f"{urdf}: link {first!r}: {problems[first]}{also}; used as written "
             "(`pinfric check` lists them, --strict refuses them)",
-            PinfricWarning,
+            FindingWarning,
             stacklevel=4,
         )
 
