@@ -8,6 +8,7 @@ import pytest
 from builders import chain, dry, lump, random_friction, random_states, random_tree
 
 import pinfric as pf
+from pinfric.dynamics.derivatives.derivatives import check_differentiable
 from pinfric.errors import AmbiguousAcceleration, SceneError, StateError
 from pinfric.model.couples import rate_rows, reaches
 from pinfric.model.friction_terms import STEEP
@@ -369,6 +370,19 @@ def test_a_joint_that_moves_no_mass_stays_and_moves_nothing():
     for one, other in zip(found[:3], judge[:3], strict=True):
         assert np.abs(one[:2, :2] - other).max() < 1e-12 * np.abs(other).max()
         assert (one[2] == 0.0).all()
+
+
+@pytest.mark.parametrize(
+    ("name", "what"),
+    [
+        ("excavator", "'boom_cylinder' acts off the joints"),
+        ("delta", "the ball 'ball_1' has friction"),
+        ("kr300", "a spring acts on its links"),
+    ],
+)
+def test_what_has_no_derivatives_yet_is_named(name, what):
+    with pytest.raises(SceneError, match=what):
+        check_differentiable(pf.load_scene(name))
 
 
 def test_bad_input_is_refused_in_one_line():
