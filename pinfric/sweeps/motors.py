@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -25,11 +24,6 @@ from pinfric.errors import CatalogError, SizingError, SweepError, choose_from, p
 from pinfric.model.drives import Drive
 from pinfric.model.scene import Scene
 from pinfric.sweeps.file import SweepFile
-
-if TYPE_CHECKING:
-    import pandas as pd
-
-    from pinfric.sweeps.result import SweepResult
 
 #: What a sample says of a criterion.
 FAILS, MET, NOT_CHECKED = 0, 1, -1
@@ -78,27 +72,6 @@ class Trial:
         found = criteria_over(result, i, candidate, self.conditions, holding, inertia)
         codes = {c.name: _CODES.get(c.status, MET) for c in found}
         return least_margin(found), [codes[name] for name in self.checks]
-
-    def met(self, result: SweepResult) -> dict[str, np.ndarray]:
-        """Return for each criterion that could be checked which samples meet it, (n,).
-
-        A sample without a solution meets none.
-        """
-        solved = np.isfinite(result.figure("margin")[:, self.actuator])
-        return {
-            name: solved & verdict.fillna(True).to_numpy(dtype=bool)
-            for name, verdict in self._verdicts(result).items()
-            if not solved.any() or not verdict[solved].isna().all()
-        }
-
-    def not_checked(self, result: SweepResult) -> tuple[str, ...]:
-        """Return the criteria for which a figure is missing, in any sample that has a solution."""
-        solved = np.isfinite(result.figure("margin")[:, self.actuator])
-        verdicts = self._verdicts(result).items()
-        return tuple(name for name, verdict in verdicts if verdict[solved].isna().any())
-
-    def _verdicts(self, result: SweepResult) -> dict[str, pd.Series]:
-        return {name: result.verdicts[self.drive, name] for name in self.checks}
 
 
 def motors_on_trial(scene: Scene, sweep: SweepFile, source: str) -> tuple[Scene, tuple[Trial, ...]]:

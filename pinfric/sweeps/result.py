@@ -201,9 +201,28 @@ class SweepResult(Shown):
         A sample without a solution is one in which none does.
         """
         trials = self.trials if trial is None else (trial,)
-        met = [mask for t in trials for mask in t.met(self).values()]
+        met = [mask for t in trials for mask in self.met(t).values()]
         there = np.isfinite(self.figures[:, [t.actuator for t in trials]]).all(axis=(1, 2))
         return np.logical_and.reduce([*met, there])
+
+    def met(self, trial: Trial) -> dict[str, np.ndarray]:
+        """Return for each criterion that could be checked which samples meet it, (n,).
+
+        A sample without a solution meets none.
+        """
+        solved = np.isfinite(self.figure("margin")[:, trial.actuator])
+        verdicts = {name: self.verdicts[trial.drive, name] for name in trial.checks}
+        return {
+            name: solved & verdict.fillna(True).to_numpy(dtype=bool)
+            for name, verdict in verdicts.items()
+            if not solved.any() or not verdict[solved].isna().all()
+        }
+
+    def not_checked(self, trial: Trial) -> tuple[str, ...]:
+        """Return the criteria for which a figure is missing, in any sample that has a solution."""
+        solved = np.isfinite(self.figure("margin")[:, trial.actuator])
+        lacks = [self.verdicts[trial.drive, name][solved].isna().any() for name in trial.checks]
+        return tuple(name for name, lack in zip(trial.checks, lacks, strict=True) if lack)
 
     def probability(self, mask: np.ndarray) -> Probability:
         """Return the share of a (n,) mask with its confidence interval."""
@@ -292,7 +311,7 @@ class SweepResult(Shown):
             columns |= {f"{drive}.{f}": self.figures[:, i, k] for k, f in enumerate(DEMANDS)}
         for trial in self.trials:
             columns[f"{trial.drive}.suffices"] = self.sufficing(trial)
-            columns |= {f"{trial.drive}.{name}": mask for name, mask in trial.met(self).items()}
+            columns |= {f"{trial.drive}.{name}": mask for name, mask in self.met(trial).items()}
             columns[f"{trial.drive}.margin"] = self.figure("margin")[:, trial.actuator]
         columns |= {
             name: self.elastic[:, k] for k, name in enumerate(ELASTIC_FIGURES) if self.elastic.size

@@ -160,6 +160,6 @@ def _on_trial(result: SweepResult, trial: Trial) -> MotorOnTrial:
         ratio=trial.candidate.ratio,
         mass=trial.candidate.mass,
         suffices=result.probability(result.sufficing(trial)),
-        criteria={name: result.probability(mask) for name, mask in trial.met(result).items()},
-        not_checked=trial.not_checked(result),
+        criteria={name: result.probability(mask) for name, mask in result.met(trial).items()},
+        not_checked=result.not_checked(trial),
     )

@@ -462,7 +462,7 @@ def test_a_limit_added_in_one_row_is_in_size_sweep_and_retime(tmp_path, coupling
     met = 1.1 * swept.figure("motor_peak")[:, 0] <= 0.3
     assert met.any()
     assert not met.all()
-    assert_array_equal(trial.met(swept)["coupling torque"], met)
+    assert_array_equal(swept.met(trial)["coupling torque"], met)
     limits = {"table": joint.assessments[0].candidate}
     path = pf.Path.from_waypoints([[0.0], [2.0]])
     slow = pf.retime(scene, path, limits, heat=False, points=60)

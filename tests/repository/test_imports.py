@@ -66,6 +66,28 @@ def test_no_module_imports_itself_by_way_of_others():
     assert sum(map(len, edges.values())) > 400
 
 
+#: A report asks for its verdict, and a scene for a solver, by a method of its own.
+ASKS_ITSELF = {
+    ("pinfric.sizing.size", "pinfric.sizing.verdict"),
+    ("pinfric.model.scene", "pinfric.model.upward"),
+}
+
+
+def test_no_modules_of_a_room_name_each_other():
+    """Imports for types alone count: who reads one module of a circle has to read all."""
+    every = grimp.build_graph("pinfric", cache_dir=None)
+    rooms = {name.split(".")[1] for name in every.modules if "." in name}
+    for room in rooms:
+        inside = {m for m in every.modules if m.split(".")[1:2] == [room]}
+        edges = {m: every.find_modules_directly_imported_by(m) & inside for m in inside}
+        for above, below in ASKS_ITSELF:
+            edges.get(below, set()).discard(above)
+        try:
+            TopologicalSorter(edges).prepare()
+        except CycleError as error:
+            pytest.fail(str(error))
+
+
 def test_of_the_package_as_a_whole_only_the_version_is_imported():
     """Its public names are functions of all rooms: who imports one imports all rooms."""
     lines = {

@@ -61,7 +61,7 @@ def agrees(found, row, assessment, name):
     trial = next(t for t in found.trials if t.drive == name)
     verdict = found.verdicts[name].loc[row]
     missing = set(verdict.index[verdict.isna()])
-    failed = {c for c, mask in trial.met(found).items() if not mask[row]}
+    failed = {c for c, mask in found.met(trial).items() if not mask[row]}
     assert failed == {c.name for c in assessment.failed}
     assert missing == {c.name for c in assessment.not_checked}
     margin = found.figure("margin")[row, trial.actuator]
@@ -182,7 +182,7 @@ def test_a_stall_within_an_hour_does_not_suffice_either(tmp_path):
     sweep = table_sweep(tmp_path, **drive, sampling="grid", speed={"choice": {"values": [1.0]}})
     found = pf.sweep(scene, hour, sweep | {"conditions": conditions}, processes=1)
     (trial,) = found.trials
-    failed = {name for name, mask in trial.met(found).items() if not mask[0]}
+    failed = {name for name, mask in found.met(trial).items() if not mask[0]}
     assert failed == {"short-term torque", "overloaded standstill"}
 
 
@@ -220,7 +220,7 @@ def test_every_sample_is_judged_as_size_judges_it(tmp_path):
     assert len(failing) > 1
     frame = found.to_dataframe()
     assert_array_equal(frame["table.suffices"], fits)
-    met = frame[[f"table.{name}" for name in found.trials[0].met(found)]]
+    met = frame[[f"table.{name}" for name in found.met(found.trials[0])]]
     assert "table.gear repeated peak torque" in met
     assert_array_equal(met.all(axis=1), fits)
     as_text(in_json(sweep_summary(found)))
@@ -250,7 +250,7 @@ def test_losses_that_vary_are_those_judged(tmp_path):
     peaks = swept(2.0).figure("motor_peak")[:, 0]
     assert np.diff(peaks)[0] == pytest.approx(2 * 0.02, rel=1e-9)
     found = swept(1.2 * float(peaks[0]) + 1e-9)
-    assert_array_equal(found.trials[0].met(found)["peak torque"], [True, False])
+    assert_array_equal(found.met(found.trials[0])["peak torque"], [True, False])
 
 
 def test_missing_figures_are_named(tmp_path):
@@ -265,15 +265,15 @@ def test_missing_figures_are_named(tmp_path):
         processes=1,
     )
     (trial,) = found.trials
-    assert "bearing static safety" in trial.not_checked(found)
-    met = trial.met(found)
+    assert "bearing static safety" in found.not_checked(trial)
+    met = found.met(trial)
     assert "bearing static safety" not in met
     assert not met["continuous torque"][0]
     assert met["gear life L10"][0]
     assert "back-driving" not in met  # nobody asked for it
     asked = {**table_sweep(tmp_path, **one), "conditions": {"back_driving": "forbidden"}}
     found = pf.sweep(scene, motion, asked, processes=1)
-    assert not found.trials[0].met(found)["back-driving"][0]
+    assert not found.met(found.trials[0])["back-driving"][0]
 
 
 def test_conditions_that_cannot_be_are_refused(tmp_path, panda):

@@ -259,7 +259,7 @@ def test_classes_and_limits_of_a_script_reach_the_processes(tmp_path):
         one, two = (pf.sweep(scene, trapezoid(scene), given, processes=n) for n in (1, 2))
         assert_array_equal(one.figures, two.figures)
         (trial,) = two.trials
-        met = trial.met(two)["coupling torque"]
+        met = two.met(trial)["coupling torque"]
         assert_array_equal(met, two.figure("motor_peak")[:, 0] <= 0.3)
         print("both", 0 < met.sum() < 40)
         """)

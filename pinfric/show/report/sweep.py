@@ -152,7 +152,7 @@ def _trial_notes(result: SweepResult) -> list[str]:
     """What was not checked, and what was put into the model."""
     lines = []
     for trial in result.trials:
-        if missing := trial.not_checked(result):
+        if missing := result.not_checked(trial):
             lines.append(f"{trial.drive}: {', '.join(missing)} not checked: no figure")
     if result.trials:
         masses = ", ".join(

@@ -81,7 +81,7 @@ def test_drive_of_the_catalogue_shows_what_fails_and_what_was_not_checked(capsys
     lines = printed(result, capsys)
     assert all(len(line) <= 80 for line in lines)
     text = " ".join(" ".join(lines).split())
-    met = result.trials[0].met(result)["gear repeated peak torque"]
+    met = result.met(result.trials[0])["gear repeated peak torque"]
     assert 0 < met.sum() < 20
     assert f"{100 * (1 - met.mean()):.1f} %" in text.split("motors: share of samples")[1]
     assert_printed(__file__, "sweep", "\n".join(lines))  # joint2 1.54 kg: a kit, 1.25 x 1.23
