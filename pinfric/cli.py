@@ -25,8 +25,7 @@ import typer
 from pinfric import __version__
 from pinfric.errors import PinfricError, PinfricWarning, plain, removed
 from pinfric.kernels import NOTICES
-from pinfric.model.inputs import command as running_command
-from pinfric.model.inputs import note_input, running
+from pinfric.model.inputs import note_input, running, running_command
 from pinfric.terminal import (
     answer,
     argument,

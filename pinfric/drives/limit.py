@@ -199,7 +199,7 @@ _NOTHING_ASKED = (
 )
 
 
-def drive(candidate: Candidate, motor: MotorCycle | None, case: JointCase) -> Drives:
+def read_drive(candidate: Candidate, motor: MotorCycle | None, case: JointCase) -> Drives:
     """Return one drive as rows read it.
 
     Args:

@@ -41,11 +41,11 @@ from pinfric.drives.limit import (
     JointCase,
     Limit,
     Value,
-    drive,
     first_known,
     never,
     nothing,
     number,
+    read_drive,
 )
 from pinfric.drives.overload import Lag, heat_lag, standstill_time
 from pinfric.drives.policy import (
@@ -854,7 +854,7 @@ def check(candidate: Candidate, motor: MotorCycle | None, case: JointCase) -> tu
         candidate: motor and gear. motor: of `motor_cycle`; None where figures for the motor's
             torque are missing. case: its joint.
     """
-    return criteria(drive(candidate, motor, case))
+    return criteria(read_drive(candidate, motor, case))
 
 
 def criteria(d: Drives) -> tuple[Criterion, ...]:

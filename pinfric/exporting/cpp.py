@@ -129,7 +129,7 @@ def cpp_files(
     check_compensated(scene)
     check_frames(scene, frames)
     frames = tuple(dict.fromkeys(frames)) or default_frames(scene)
-    name = namespace(scene.source, name)
+    name = header_name(scene.source, name)
     title = "\n".join(f"// {_comment(line)}".rstrip() for line in lines).removeprefix("// ")
     constants = "\n".join(_constants(scene, frames, bounds))
     header = _named(template("compensator.hpp").replace("// @@CONSTANTS\n", constants + "\n"), name)
@@ -142,7 +142,7 @@ def cpp_files(
     return CppFiles(header, _named(test, name).replace("@@HEADER", f"{name}.hpp"))
 
 
-def namespace(source: str, name: str = "") -> str:
+def header_name(source: str, name: str = "") -> str:
     """Return the namespace of a scene's header, which is its file's name, too: pinfric_NAME.
 
     Args:

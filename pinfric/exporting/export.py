@@ -19,8 +19,7 @@ from pinfric.dynamics.samples.states import MotionLike
 from pinfric.errors import PinfricError, PinfricWarning, choose_from, removed
 from pinfric.exporting.constants import JointConstants, joint_constants
 from pinfric.exporting.controller import compensator, level_uncertainty
-from pinfric.exporting.cpp import check_frames
-from pinfric.exporting.cpp import namespace as header_name
+from pinfric.exporting.cpp import check_frames, header_name
 from pinfric.exporting.engines import shortfalls
 from pinfric.exporting.mjcf import MjcfJoint, creep_velocity, mjcf, soft
 from pinfric.exporting.sdf import sdf

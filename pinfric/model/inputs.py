@@ -26,7 +26,7 @@ def running() -> Command | None:
 
 
 @contextmanager
-def command() -> Iterator[None]:
+def running_command() -> Iterator[None]:
     """Within, a command runs."""
     global _running
     before, _running = _running, Command()

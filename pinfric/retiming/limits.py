@@ -19,8 +19,7 @@ from pydantic import BeforeValidator, PrivateAttr
 from pinfric.drives.catalog import Catalog
 from pinfric.drives.catalog_file import load_catalog
 from pinfric.drives.drivetrain import Candidate
-from pinfric.drives.limit import Limit, idle
-from pinfric.drives.limit import drive as read_drive
+from pinfric.drives.limit import Limit, idle, read_drive
 from pinfric.drives.limits import LIMITS, instant_limits
 from pinfric.drives.parts import check_names, named_drive
 from pinfric.drives.policy import Conditions, GivenConditions, parse_conditions

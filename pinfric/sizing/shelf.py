@@ -44,9 +44,9 @@ from pinfric.drives.limit import (
     JointCase,
     Limit,
     columns,
-    drive,
     first_known,
     number,
+    read_drive,
 )
 from pinfric.drives.limits import LIMITS, criteria
 from pinfric.drives.policy import (
@@ -490,7 +490,7 @@ class DriveSearch:
 
     def _of_entry(self, bare: Candidate) -> float:
         """The least margin of the rows that read a gear's entry; infinite where none is known."""
-        d = drive(bare, None, self.case)
+        d = read_drive(bare, None, self.case)
         margins = (limit.margin(d) for limit in LIMITS if limit.stage == "entry")
         return min((float(x) for x in margins if not np.isnan(x)), default=np.inf)
 
@@ -708,7 +708,7 @@ class DriveSearch:
                 name = smallest_brake(brakes, needed, self._stop(made, gear.rotor_inertia))
                 made = made if name is None else with_brake(made, name, brakes[name])
             motor = motor_cycle(made, self.case.cycle, self.case.conditions, ends)
-        return Assessment(made, drive(made, motor, self.case), missing)
+        return Assessment(made, read_drive(made, motor, self.case), missing)
 
     def lightest(self) -> Assessment | None:
         """Return the first drive that fits, by `rank`."""

@@ -14,7 +14,7 @@ from pinfric.drives.catalog import Catalog
 from pinfric.drives.catalog_file import load_catalog
 from pinfric.drives.criterion import Status, least_margin
 from pinfric.drives.drivetrain import Candidate
-from pinfric.drives.limit import drive, idle, number
+from pinfric.drives.limit import idle, number, read_drive
 from pinfric.drives.limits import check
 from pinfric.drives.parts import check_names, criteria_over, named_drive
 from pinfric.drives.policy import BASE_AXES, Conditions, parse_conditions
@@ -113,7 +113,7 @@ def _trial(scene: Scene, catalog: Catalog, conditions: Conditions, joint: str, n
     candidate = named_drive(scene, actuator, name, catalog, conditions)
     if candidate.transmission is None:
         raise SweepError(f"{name}: not known: {', '.join(candidate.missing)}")
-    judged = drive(candidate, None, idle(conditions, depth(scene, actuator) > BASE_AXES))
+    judged = read_drive(candidate, None, idle(conditions, depth(scene, actuator) > BASE_AXES))
     # a gearmotor is rated at its output; the sweep compares at the motor's shaft
     scale = candidate.ratio if candidate.at_output else 1.0
     torques = [float(x) / scale for x in (judged.heat, number(candidate.ratings.peak_torque))]

@@ -29,7 +29,7 @@ import pinfric as pf
 from pinfric.dynamics.forward.compensation import CompensationOptions
 from pinfric.dynamics.forward.solver import InverseInstant
 from pinfric.errors import PinfricError, StateError
-from pinfric.exporting.cpp import Bounds, default_frames, namespace, template
+from pinfric.exporting.cpp import Bounds, default_frames, header_name, template
 from pinfric.model.urdf import implausible_body
 
 
@@ -71,7 +71,7 @@ int main() { std::printf("%.17g %.17g", left(), right()); }
 
 def included(folder, scene, bounds=None):
     """The line that includes the scene's header, which is written."""
-    name = namespace(scene.source)
+    name = header_name(scene.source)
     (folder / f"{name}.hpp").write_text(header(scene, bounds=bounds))
     return f'#include "{name}.hpp"\nusing namespace {name};\n'
 
@@ -130,8 +130,8 @@ def test_names_that_are_none_in_cpp_are_refused(tmp_path, name):
 
 @pytest.mark.parametrize("source", ["a--b.yaml", "_x_.yaml", "机器人.yaml", "a b.yaml", "1.yaml"])
 def test_the_name_of_any_file_is_one_in_cpp(source):
-    found = namespace(source)
-    assert namespace("", found) == found
+    found = header_name(source)
+    assert header_name("", found) == found
 
 
 @needs_compiler

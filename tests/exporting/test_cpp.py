@@ -33,7 +33,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 import pinfric as pf
 from pinfric.dynamics.forward.compensation import CompensationOptions
 from pinfric.errors import PinfricError
-from pinfric.exporting.cpp import Bounds, cpp_files, default_frames, namespace
+from pinfric.exporting.cpp import Bounds, cpp_files, default_frames, header_name
 from pinfric.model.couples import rate_rows
 
 COMPARED = [
@@ -333,7 +333,7 @@ def test_an_option_that_is_none_gives_false_and_zeros(headers, monkeypatch, wron
 def test_it_calls_nothing_but_mathematics(tmp_path):
     """No allocation, no exception, no table of virtual functions: what is undefined is libm's."""
     scene = RICH[1]
-    name = namespace(scene.source)
+    name = header_name(scene.source)
     (tmp_path / f"{name}.hpp").write_text(header(scene))
     (tmp_path / "use.cpp").write_text(
         f'#include "{name}.hpp"\n'

@@ -14,7 +14,7 @@ from builders import chain, dry, example, lump, random_friction, random_inertia,
 
 import pinfric as pf
 from pinfric.dynamics.forward.compensation import CompensationOptions
-from pinfric.exporting.cpp import Bounds, cpp_files, namespace
+from pinfric.exporting.cpp import Bounds, cpp_files, header_name
 
 
 def moved(scene, speed=5.0, samples=200):
@@ -175,7 +175,7 @@ class Headers:
     """
 
     def __init__(self, folder, scenes, flags=("-O2",), edit=lambda text: text):
-        self.folder, names = folder, [namespace(scene.source) for scene in scenes]
+        self.folder, names = folder, [header_name(scene.source) for scene in scenes]
         for scene, name in zip(scenes, names, strict=True):
             text = edit(header(scene, getattr(scene, "frames_wanted", ())))
             (folder / f"{name}.hpp").write_text(text)
@@ -225,7 +225,7 @@ class Headers:
         np.concatenate([*flat, np.hstack(rows).ravel()]).astype(float).tofile(self.folder / "in")
         command = [
             self.folder / "driver",
-            namespace(scene.source),
+            header_name(scene.source),
             self.folder / "in",
             self.folder / "out",
         ]
