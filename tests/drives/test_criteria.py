@@ -5,6 +5,7 @@ import dataclasses
 import numpy as np
 import pinocchio as pin
 import pytest
+import yaml
 from builders import chain, lump
 from numpy.testing import assert_allclose, assert_array_equal
 from sizing_cases import (
@@ -670,22 +671,22 @@ def test_what_a_sample_asks_of_a_drive_by_hand():
 
 
 #: Values beside the defaults that every row of the table can be computed with.
-GIVEN = {
-    "life": 2e4,
-    "backlash": 1e-3,
-    "back_driving": "required",
-    "collision_effort": {"table": 50.0},
-    "collisions": {"count": 100, "duration": 0.15},
-    "thermal_time": 300.0,
-    "amplifiers": {"table": "A"},
-}
+GIVEN = yaml.safe_load("""
+life: 20000.0
+backlash: 0.001
+back_driving: required
+collision_effort: {table: 50.0}
+collisions: {count: 100, duration: 0.15}
+thermal_time: 300.0
+amplifiers: {table: A}
+""")
 #: What a condition moves in passing: a warmer winding needs more voltage.
 IN_PASSING = {("speed-torque line", "ambient")}
 SLIDE = {"ratio": 628.3, "output": "linear", "kind": "ball screw", "stroke": 0.5, "stiffness": 1e7}
-SCREW_PARTS = {
-    "screw": {"root_diameter": 0.01, "length": 0.6, "supports": "fixed-fixed"},
-    "bearing": {"kind": "ball screw", "dynamic_rating": 5e3, "static_rating": 9e3},
-}
+SCREW_PARTS = yaml.safe_load("""
+screw: {root_diameter: 0.01, length: 0.6, supports: fixed-fixed}
+bearing: {kind: ball screw, dynamic_rating: 5000.0, static_rating: 9000.0}
+""")
 NUT_PARTS = {"nut": {"diameter": 0.01, "contact_area": 1e-4, "max_pv": 1e5, "max_pressure": 5e6}}
 RATED = {"dynamic_rating": 2e4, "static_rating": 3e4, "pitch_diameter": 0.07}
 

@@ -85,12 +85,15 @@ def test_a_printed_curve_is_taken_as_it_is_and_ends():
     assert pull_out_torque(stepper, speeds * 2 / 3, 24.0) == pytest.approx(expected)
 
 
-CURVE = {
-    "holding_torque": 0.9,
-    "current": 2.0,
-    "pull_out": [[0.0, 0.8], [100.0, 0.7], [200.0, 0.5]],
-    "voltage": 48.0,
-}
+CURVE = yaml.safe_load("""
+holding_torque: 0.9
+current: 2.0
+pull_out:
+- [0.0, 0.8]
+- [100.0, 0.7]
+- [200.0, 0.5]
+voltage: 48.0
+""")
 
 
 NONE = ("continuous_torque", "peak_torque", "torque_constant", "resistance", "max_speed", "thermal")

@@ -2,15 +2,16 @@
 
 import numpy as np
 import pytest
+import yaml
 from machines import MACHINES, rows
 
 #: Peak efforts that the makers' URDFs give the joints, N m.
-OWN = {
-    "ur10_machine_tending": [330, 330, 150, 54, 54, 54],
-    "ur5_pick_and_place": [150, 150, 150, 28, 28, 28],
-    "panda_pick_and_place": [87, 87, 87, 87, 12, 12, 12],
-    "xarm7": [50, 50, 30, 30, 30, 20, 20],
-}
+OWN = yaml.safe_load("""
+ur10_machine_tending: [330, 330, 150, 54, 54, 54]
+ur5_pick_and_place: [150, 150, 150, 28, 28, 28]
+panda_pick_and_place: [87, 87, 87, 87, 12, 12, 12]
+xarm7: [50, 50, 30, 30, 30, 20, 20]
+""")
 #: Repeated peak torques of CSG-14 to 65, ratio 100, N m (Harmonic Drive, CSF/CSG catalogue).
 SERIES = [36, 70, 107, 204, 433, 738, 982, 1274, 2067, 2990]
 

@@ -17,44 +17,43 @@ CYCLE = 2 * RAMP + PLATEAU + PAUSE
 #: s; a jump of the acceleration stands between two samples this close.
 _JUMP = 1e-10
 
-MOTOR = {
-    "source": "invented",
-    "grade": "R",
-    "continuous_torque": 0.5,
-    "peak_torque": 2.0,
-    "torque_constant": 0.1,
-    "resistance": 0.8,
-    "rotor_inertia": 5e-5,
-    "mass": 0.6,
-    "max_speed": 600.0,
-    "thermal": {
-        "winding_housing": 2.0,
-        "housing_ambient": 3.0,
-        "winding_time": 20.0,
-        "housing_time": 300.0,
-        "max_winding": 125.0,
-    },
-}
-GEAR = {
-    "source": "invented",
-    "grade": "R",
-    "ratio": 100.0,
-    "rated_torque": 30.0,
-    "average_torque": 40.0,
-    "repeated_peak_torque": 60.0,
-    "momentary_peak_torque": 100.0,
-    "rated_speed": 200.0,
-    "average_input_speed": 300.0,
-    "max_input_speed": 700.0,
-    "input_inertia": 1e-5,
-    "mass": 0.9,
-    "nominal_life": 35000.0,
-    "efficiency": 0.8,
-    "back_efficiency": 0.7,
-    "stiffness": 1e4,
-    "back_driving_torque": 3.0,
-    "bearing": {"kind": "crossed roller", "max_moment": 1e5, "max_radial": 1e6, "max_axial": 1e6},
-}
+MOTOR = yaml.safe_load("""
+source: invented
+grade: R
+continuous_torque: 0.5
+peak_torque: 2.0
+torque_constant: 0.1
+resistance: 0.8
+rotor_inertia: 5.0e-5
+mass: 0.6
+max_speed: 600.0
+thermal:
+  winding_housing: 2.0
+  housing_ambient: 3.0
+  winding_time: 20.0
+  housing_time: 300.0
+  max_winding: 125.0
+""")
+GEAR = yaml.safe_load("""
+source: invented
+grade: R
+ratio: 100.0
+rated_torque: 30.0
+average_torque: 40.0
+repeated_peak_torque: 60.0
+momentary_peak_torque: 100.0
+rated_speed: 200.0
+average_input_speed: 300.0
+max_input_speed: 700.0
+input_inertia: 1.0e-5
+mass: 0.9
+nominal_life: 35000.0
+efficiency: 0.8
+back_efficiency: 0.7
+stiffness: 1.0e+4
+back_driving_torque: 3.0
+bearing: {kind: crossed roller, max_moment: 1.0e+5, max_radial: 1.0e+6, max_axial: 1.0e+6}
+""")
 #: At which makers rate motors: nothing is derated, and nothing kept in reserve.
 COOL = {"ambient": 25.0, "rms_factor": 1.0}
 

@@ -6,6 +6,7 @@ import warnings
 import numpy as np
 import pinocchio as pin
 import pytest
+import yaml
 from judges.verdict import judge
 from mechanisms import FOUR_BAR, crank_rates, cut_slider_crank, four_bar, pin_friction
 from numpy.testing import assert_allclose
@@ -17,11 +18,11 @@ from pinfric.model.closure import closure_jacobian
 
 EXACT = {"half": "1.5707963267948966", "whole": "3.141592653589793"}
 #: Digits as CAD exports and people write them -> how far axes are off.
-ROUNDED = {
-    "ten digits": {"half": "1.570796327", "whole": "3.141592654"},
-    "seven digits": {"half": "1.570796", "whole": "3.141593"},
-    "five digits": {"half": "1.5708", "whole": "3.1416"},
-}
+ROUNDED = yaml.safe_load("""
+ten digits: {half: '1.570796327', whole: '3.141592654'}
+seven digits: {half: '1.570796', whole: '3.141593'}
+five digits: {half: '1.5708', whole: '3.1416'}
+""")
 #: Links that lie in the plane y = 0 however their own frames are turned.
 BODY = """<link name="{0}"><inertial><origin xyz="{1}"/><mass value="{2}"/>
 <inertia ixx="0.003" iyy="0.003" izz="0.003" ixy="0" ixz="0" iyz="0"/></inertial></link>"""

@@ -5,6 +5,7 @@ import dataclasses
 import numpy as np
 import pinocchio as pin
 import pytest
+import yaml
 from builders import random_states, random_tree
 from cases import drawer_scene, turning_four_bar
 from mechanisms import pin_friction
@@ -18,13 +19,13 @@ from pinfric.errors import SceneError
 from pinfric.model.effects import STRUCTURAL, effects, switchable, with_effects
 
 NAMES = switchable()
-EVERYTHING = {
-    "bearing": {"kind": "pin", "radius": 0.05, "length": 0.1},
-    "mu": {"static": 0.3, "kinetic": 0.2},
-    "stribeck": {"velocity": 0.1},
-    "coulomb": {"static": 0.5, "kinetic": 0.4},
-    "viscous": 0.1,
-}
+EVERYTHING = yaml.safe_load("""
+bearing: {kind: pin, radius: 0.05, length: 0.1}
+mu: {static: 0.3, kinetic: 0.2}
+stribeck: {velocity: 0.1}
+coulomb: {static: 0.5, kinetic: 0.4}
+viscous: 0.1
+""")
 
 
 def whole_scene(seed=1, joints=4):

@@ -32,7 +32,7 @@ replay(name, "three_link")
 """
 
 
-@pytest.mark.parametrize(("call",), table(CALLS))
+@pytest.mark.parametrize("call", [call for (call,) in table(CALLS)])
 def test_a_scenes_name_is_no_scene(call):
     function = call.partition("(")[0]
     with pytest.raises(pf.PinfricError) as caught:

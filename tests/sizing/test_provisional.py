@@ -167,6 +167,7 @@ def test_a_motor_with_a_housing_of_unknown_mass_is_signed_as_a_heavy_one(tmp_pat
     assert kit.joints[0].choice is None
 
 
+@pytest.mark.slow
 def test_the_servos_of_the_so101_hold_it_with_pauses():
     """A fifth of 1.91 N m at 40 C; the motors hold the arm and run hot where gravity acts."""
     scene, motion = example("so101")

@@ -255,7 +255,7 @@ def altered(catalog, rng, kept):
     return replace(catalog, gears=dict(gears), motors=dict(motors), brakes=dict(brakes))
 
 
-@pytest.mark.parametrize("count", [4, pytest.param(100, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("count", [2, pytest.param(100, marks=pytest.mark.slow)])
 def test_the_choice_depends_on_no_other_drive_and_on_no_order(arm, count, monkeypatch):
     """Whatever was taken before gears had to bear its stops says what they must bear: it stays."""
     kept, once = set(), _Sizing._choose
@@ -274,6 +274,7 @@ def test_the_choice_depends_on_no_other_drive_and_on_no_order(arm, count, monkey
         assert drives(sized(arm, altered(arm[2], rng, kept))) == drives(whole)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("masses", ["without_drives", "with_drives"])
 def test_ruling_out_a_chosen_drive_makes_no_arm_lighter(arm, masses):
     scene, motion, catalog = arm

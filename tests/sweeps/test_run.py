@@ -81,10 +81,10 @@ def test_bundled_sweep_fits_its_scene():
     entries, source = load_sweep("panda_pick_and_place")
     assert source.endswith(BUNDLED)
     with open(source, encoding="utf-8") as file:
-        found = run(scene, motion, {**yaml.safe_load(file), "samples": 30})
+        found = run(scene, motion, {**yaml.safe_load(file), "samples": 6})
     assert found.solved.all()
     assert len(found.trials) == len(entries.motors) > 0
     frame = found.to_dataframe()
-    assert len(frame) == 30
+    assert len(frame) == 6
     assert_array_equal(frame["panda_joint2.rms"], found.figure("rms")[:, 1])
     assert_array_equal(frame["speed"], found.values[:, -3])
