@@ -82,18 +82,30 @@ def read_yaml(
         raise error(f"{path}: the file is empty{written}")
     if not isinstance(content, dict):
         raise error(f"{path}: should be a mapping of keys, found a {type(content).__name__}")
-    if "command" in content and "pinfric" in content:  # what --out and --json write
+    refuse_result(path, content, error)
+    other = next((key for key in content if key in FORMATS), kind)
+    if kind and kind not in content and other != kind:
+        order = "commands take SCENE TRAJECTORY SWEEP in this order"
+        options = (
+            "--motors takes a motors file (`pinfric size --out` writes motors.yaml), --catalog a "
+            "catalogue"
+        )
+        hint = order if {kind, other} <= set(list(FORMATS)[:3]) else options
+        raise error(f"{path}: is a {FORMATS[other]}, not a {FORMATS[kind]}; {hint}")
+    return content
+
+
+def refuse_result(path: Path, content: Mapping[str, Any], error: type[PinfricError]) -> None:
+    """Refuse what `--out` and `--json` write where a command reads a file.
+
+    Raises:
+        PinfricError: `error`: it is one, and what to take instead.
+    """
+    if "command" in content and "pinfric" in content:
         raise error(
             f"{path}: is what `pinfric {content['command']}` found, no file for other commands; "
             "`pinfric size --out` writes sized.scene.yaml and, for --motors, motors.yaml beside it"
         )
-    other = next((key for key in content if key in FORMATS), kind)
-    if kind and kind not in content and other != kind:
-        order = "commands take SCENE TRAJECTORY SWEEP in this order"
-        options = "--motors takes a motors file, --catalog a catalogue"
-        hint = order if {kind, other} <= set(list(FORMATS)[:3]) else options
-        raise error(f"{path}: is a {FORMATS[other]}, not a {FORMATS[kind]}; {hint}")
-    return content
 
 
 def bounded(path: Path, error: type[PinfricError], most: int = _LARGEST_FILE) -> bytes:

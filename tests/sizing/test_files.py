@@ -46,6 +46,10 @@ def test_without_jinja2_all_but_the_page_is_written(tmp_path, capsys, monkeypatc
     assert "report.html is left out: it needs jinja2: pip install" in said.err
     assert (tmp_path / "out/sizing.json").exists()
     assert not (tmp_path / "out/report.html").exists()
-    error = refused(capsys, "stop", tmp_path / "out/sizing.json", "pendulum")
-    assert "is what `pinfric size` found" in error
-    assert "sized.scene.yaml" in error
+    for place in (
+        (tmp_path / "out/sizing.json", "pendulum"),
+        ("pendulum", tmp_path / "out/sizing.json"),
+    ):
+        error = refused(capsys, "stop", *place)
+        assert "is what `pinfric size` found" in error
+        assert "sized.scene.yaml" in error

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pinfric.errors import TrajectoryError
+from pinfric.model.yamlfile import refuse_result
 from pinfric.motions.log.frame import FEWEST, MOST_BYTES, OpenedLog, arrays_log, check_size
 
 #: Keys of a file under which the joints' names stand.
@@ -157,6 +158,7 @@ def open_json(path: Path) -> OpenedLog:
         reason = " ".join(str(problem).split())[:200]
         raise TrajectoryError(f"{path}: cannot be read as JSON: {reason}") from None
     content = content if isinstance(content, dict) else {}
+    refuse_result(path, content, TrajectoryError)
     return _arrays_opened(path, dict(_arrays("", content)), _joint_names(content))
 
 
