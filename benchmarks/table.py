@@ -402,6 +402,29 @@ def many_joints():
     return [*rows, Row(what, "20 times one", s["all"] / s["one"] / 20, 2, more=more)]
 
 
+def resting_loops():
+    """Bundled loops held along their paths, against their own motion."""
+    rows = []
+    for name, goal in (("four_bar", 2), ("slider_crank", 2), ("excavator", 2), ("delta", 10)):
+        scene = pf.load_scene(name)
+        motion = pf.load_trajectory(f"{name}.waypoints.yaml", scene)
+        q, v, a = motion.q, motion.v, motion.a
+        moves = ~pf.inverse_dynamics(scene, q, v, a).sticking.any(axis=1)
+        held, solve = q[:: 1 + len(q) // 500], partial(pf.inverse_dynamics, scene, threads=1)
+        still = np.zeros((len(held), scene.model.nv))
+        contestants = {
+            "rest": partial(solve, held, still, still),
+            "moving": partial(solve, q[moves], v[moves], a[moves]),
+        }
+        s = median_seconds(contestants, rounds=7)
+        rest, moving = 1e6 * s["rest"] / len(held), 1e6 * s["moving"] / moves.sum()
+        more = f"{rest:.1f} to {moving:.1f} us a sample"
+        rows.append(
+            Row(f"inverse dynamics, {name} at rest", "moving", rest / moving, goal, more=more)
+        )
+    return rows
+
+
 def hard_inverse():
     """The delta at rest, where balls hold, and a legged robot with wrenches on its feet."""
     scene = pf.load_scene("delta")
@@ -417,14 +440,18 @@ def hard_inverse():
     )
     feet = {f"{leg}_FOOT": np.r_[0.0, 0.0, 6.0, np.zeros(3)] for leg in ("FL", "FR", "HL", "HR")}
     place, moving = pin.neutral(model), np.full(model.nv, 0.1)
+    driven, free = legs.solver(), legs.with_(actuators=legs.actuators[6:]).solver()
+    base = driven.inverse(place, moving, moving, external=feet).effort_lower[:6].copy()
     contestants = {
         "rest": partial(scene.solver().inverse, q, still, still),
-        "feet": partial(legs.solver().inverse, place, moving, moving, external=feet),
+        "feet": partial(driven.inverse, place, moving, moving, external=feet),
+        "free": partial(free.inverse, place, moving, moving, external=feet | {"base_link": base}),
     }
     s = median_seconds(contestants, rounds=15, calls=5)
     return [
         Row("`Solver.inverse`, delta at rest", "", 1e3 * s["rest"], 1, "ms"),
         Row("`Solver.inverse`, solo12 with feet", "", 1e6 * s["feet"], 15, "us"),
+        Row("the same, its base undriven", "", 1e6 * s["free"], 15, "us"),
     ]
 
 
@@ -499,6 +526,7 @@ def rows(with_peers=False):
         without_loads,
         breaking_away,
         many_joints,
+        resting_loops,
         hard_inverse,
     ]
     if with_peers:

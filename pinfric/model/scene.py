@@ -676,8 +676,12 @@ class Scene:
     @property
     def one_drive_each(self) -> bool:
         """Whether every degree of freedom has exactly one drive, which moves nothing else."""
-        mobility = self.mobility
-        open_ = self.linkage is None and not mobility.undriven and not mobility.redundant
+        return self.own_drives and not self.mobility.undriven
+
+    @property
+    def own_drives(self) -> bool:
+        """Whether every drive has a degree of freedom of its own, and moves nothing else."""
+        open_ = self.linkage is None and not self.mobility.redundant
         return open_ and not taking_part(self.drives)
 
     def loaded_model(self, attached: Iterable[str] | None = None) -> pin.Model:

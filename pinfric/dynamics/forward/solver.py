@@ -40,7 +40,7 @@ from pinfric.dynamics.forward.forward import Instant, solution, solve_state
 from pinfric.dynamics.forward.workspace import Workspace, closed_configuration, rehearse
 from pinfric.dynamics.inverse.linkage import solve_linkage
 from pinfric.dynamics.inverse.tree import check_finite, solve_tree
-from pinfric.dynamics.inverse.undriven import check_shares
+from pinfric.dynamics.inverse.undriven import check_shares, negligible_efforts
 from pinfric.dynamics.problem.accelerations import is_normalized
 from pinfric.dynamics.samples.motion_kernels import TreeSamples, bound_within
 from pinfric.dynamics.samples.motor_torques import scene_gears
@@ -111,6 +111,8 @@ class InverseInstant(NamedTuple):
 class Sample(NamedTuple):
     """One sample of an open chain: its state, the tables of its scene, and the results.
 
+    Each drive moves one degree of freedom; what has none rubs nowhere, and must need no effort.
+
     Attributes:
         q, v, a: (nq,), (1, nv), (1, nv).
         unit_q, unit_count: (nu,) where in q the parts of length 1 begin, how long they are.
@@ -121,6 +123,11 @@ class Sample(NamedTuple):
         geared: (1,) bool, whether a drive has a gear.
         turns: (1, na), False: no reversals.
         found: of this sample. wrench: (1, ns, 6).
+        drive: (na,) velocity of each. undriven, slack: (nu,) the others, and the effort there that
+            is none.
+        moved: (2, 1, na) velocities and accelerations of the drives.
+        effort_frictionless, effort_lower, effort_upper: (1, na); those of `found` where every
+            degree of freedom has a drive.
         motor_torque_lower, motor_torque_upper: (1, na).
     """
 
@@ -141,6 +148,13 @@ class Sample(NamedTuple):
     turns: np.ndarray
     found: TreeSamples
     wrench: np.ndarray
+    drive: np.ndarray
+    undriven: np.ndarray
+    slack: np.ndarray
+    moved: np.ndarray
+    effort_frictionless: np.ndarray
+    effort_lower: np.ndarray
+    effort_upper: np.ndarray
     motor_torque_lower: np.ndarray
     motor_torque_upper: np.ndarray
 
@@ -168,7 +182,8 @@ def rub(x: Sample, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> bool:
         x: q (nq,), v and a (nv,) of the motion are kept in it.
 
     Returns:
-        False if the state is invalid (`is_usual`), or an effort overflows.
+        False if the state is invalid (`is_usual`), an effort overflows, or the motion may need one
+        where no drive is.
     """
     found = x.found  # once: arrays of a record are counted at every access
     for i in range(q.size):
@@ -185,11 +200,23 @@ def rub(x: Sample, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> bool:
     for i in range(x.h.size):
         found.effort_frictionless[0, i] = x.h[i]
     bound_within(x.sites, x.wrench, found)
-    lower, upper = found.effort_lower, found.effort_upper
+    lower, upper, v_drive, a_drive = found.effort_lower, found.effort_upper, x.v, x.a
+    finite = True
+    if x.undriven.size > 0:
+        for k in range(x.undriven.size):
+            least, most = lower[0, x.undriven[k]], upper[0, x.undriven[k]]
+            finite &= least <= x.slack[k] and most >= -x.slack[k]
+        lower, upper, v_drive, a_drive = x.effort_lower, x.effort_upper, x.moved[0], x.moved[1]
+        for d in range(x.drive.size):
+            c = x.drive[d]
+            lower[0, d], upper[0, d] = found.effort_lower[0, c], found.effort_upper[0, c]
+            x.effort_frictionless[0, d] = found.effort_frictionless[0, c]
+            v_drive[0, d], a_drive[0, d] = x.v[0, c], x.a[0, c]
     motor_lower, motor_upper = x.motor_torque_lower, x.motor_torque_upper
     if x.geared[0]:
-        write_motor_torques(x.gears, lower, upper, x.v, x.a, x.turns, motor_lower, motor_upper)
-    finite = True
+        write_motor_torques(
+            x.gears, lower, upper, v_drive, a_drive, x.turns, motor_lower, motor_upper
+        )
     for d in range(lower.size):
         finite &= abs(lower[0, d] + upper[0, d]) < np.inf
         finite &= abs(motor_lower[0, d] + motor_upper[0, d]) < np.inf
@@ -201,7 +228,8 @@ def make_sample(ws: Workspace, scene: Scene) -> Sample:
     plan, supply = ws.plan, ws.supplier.supply
     ns, na = len(scene.sites), len(scene.drives)
     unit_q, unit_count = unit_parts(scene.model)
-    effort, motor = np.zeros((3, 1, na)), np.zeros((2, 1, na))
+    effort, motor = np.zeros((3, 1, ws.nv)), np.zeros((2, 1, na))
+    own = np.zeros((3, 1, na)) if scene.mobility.undriven else effort
     of_sites, flags = np.zeros((5, 1, ns)), np.zeros((2, 1, ns), dtype=bool)
     geared = any(drive.transmission for drive in scene.drives)
     return Sample(
@@ -224,8 +252,15 @@ def make_sample(ws: Workspace, scene: Scene) -> Sample:
             [of_sites[0], flags[0], of_sites[1], *effort, *of_sites[2:], flags[1]]
         ),
         wrench=np.zeros((1, ns, 6)),
-        motor_torque_lower=motor[0] if geared else effort[1],
-        motor_torque_upper=motor[1] if geared else effort[2],
+        drive=np.array([drive.velocity_index for drive in scene.drives], dtype=np.int64),
+        undriven=np.array(scene.mobility.undriven, dtype=np.int64),
+        slack=negligible_efforts(scene),
+        moved=np.zeros((2, 1, na)),
+        effort_frictionless=own[0],
+        effort_lower=own[1],
+        effort_upper=own[2],
+        motor_torque_lower=motor[0] if geared else own[1],
+        motor_torque_upper=motor[1] if geared else own[2],
     )
 
 
@@ -322,7 +357,7 @@ class _Buffers(threading.local):
     """What a solver computes in: each thread that calls it has its own, made at its first call.
 
     Attributes:
-        both: the workspace, and where each joint has its own drive a sample. A solver of other
+        both: the workspace, and where each drive has its own joint a sample. A solver of other
             friction computes reactions in the workspace of the one it was made of.
         given: the workspaces where efforts (False) and motors' torques (True) are given, made at
             first; of such a solver that for efforts, too.
@@ -335,7 +370,8 @@ class _Buffers(threading.local):
     ) -> None:
         ws = Workspace(scene, carried) if base is None else base.both[0]
         self.given = {False: ws} if base is None else {}
-        sample = _Sample(ws, scene) if scene.one_drive_each else None
+        rubs = np.isin(scene.site_tables.velocity_index, scene.mobility.undriven).any()
+        sample = _Sample(ws, scene) if scene.own_drives and not rubs else None
         self.both: tuple[Workspace, _Sample | None] = ws, sample
         self.compensated: _Compensated | None = None
         self.derived: dict[bool, Differentiator] = {}
@@ -444,6 +480,9 @@ class Solver:
         v, a = vector("v", v, ws.nv, "nv"), vector("a", a, ws.nv, "nv")
         self._balance(ws, q, v, a, external)
         while not rub(x.argument, q, v, a):
+            if self.scene.mobility.undriven:  # says what is wrong, or that it is rounding
+                applied = [] if external is None else applied_wrenches(self.scene, external, 1)
+                return self._inverse_of_batch(q, v, a, applied)
             q = self._mend(x)
             self._balance(ws, q, v, a, external)
         ws.failures.check_roll_moments(x.found.wrench)

@@ -50,9 +50,11 @@ def check_undriven(
     undriven = list(scene.mobility.undriven)
     if not undriven or not len(lower):
         return
-    missing = np.nan_to_num(np.fmax(np.fmax(lower, -upper), 0.0))
-    weights = _weights(scene)[undriven]
-    if (missing <= _OBEYS * weights).all():
+    missing, weights = (
+        np.nan_to_num(np.fmax(np.fmax(lower, -upper), 0.0)),
+        _weights(scene)[undriven],
+    )
+    if (missing <= negligible_efforts(scene)).all():
         return  # without the terms of the motion, which take longer
     size = np.maximum(_terms(scene, states.part(whole)), weights)
     sample, place = np.unravel_index(np.argmax(missing / np.maximum(size, 1e-300)), missing.shape)
@@ -66,6 +68,11 @@ def check_undriven(
             scene.mobility.counts(len(scene.drives)),
             [name for k, name in enumerate(names) if needed[k] and k != place],
         )
+
+
+def negligible_efforts(scene: Scene) -> np.ndarray:
+    """Return the efforts (number undriven,) beside weights that count as zero (N m or N)."""
+    return np.asarray(_OBEYS * _weights(scene)[list(scene.mobility.undriven)])
 
 
 def _terms(scene: Scene, states: States) -> float:
