@@ -24,11 +24,12 @@ from rich.console import Console
 
 import pinfric as pf
 from pinfric.accuracy.explain import all_rounds
-from pinfric.dynamics.inverse.choices import SLIDES
-from pinfric.dynamics.inverse.interval_ends import IntervalSearch
+from pinfric.dynamics.inverse.choices import SLIDES, friction_laws
+from pinfric.dynamics.inverse.interval_ends import Search, choice_of_sample
 from pinfric.dynamics.inverse.result import InverseResult
 from pinfric.dynamics.inverse.solutions import one_sample
 from pinfric.friction.dense import solve_dense
+from pinfric.friction.given_modes import Reduced
 from pinfric.kernels.compiled import kernel
 from pinfric.model.described import described, quantity
 from pinfric.show.report.rows import text_of
@@ -88,20 +89,25 @@ class CoupledFriction(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class _Sample:
-    """One sliding sample: when, the package's solver, which gives the reference, and G."""
+    """One sliding sample: when, the package's solver with mu times a factor, and G."""
 
     t: float
-    search: IntervalSearch
+    solver: Callable[[float], tuple[Search, int, Reduced]]
     friction: CoupledFriction
 
     @classmethod
     def of(cls, result: InverseResult, sample: int) -> _Sample | None:
         """Return a sample's problem; None where the drives cannot balance its load."""
         plan, samples, velocity = one_sample(result, sample)
-        search = IntervalSearch(plan, samples.maps, velocity, result.reversal[sample][None])
         if samples.maps.singular[0]:
             return None
-        law, ns = search.law, len(plan.sites.joint)
+        law = friction_laws(plan, samples.maps, velocity, result.reversal[sample][None])
+        ns = len(plan.sites.joint)
+
+        def solver(factor: float) -> tuple[Search, int, Reduced]:
+            scaled = law._replace(mu=factor * law.mu)
+            return choice_of_sample(plan, samples.maps, scaled, law.code[0])
+
         slope = np.zeros((len(plan.contacts.site), ns, 3))
         for s in range(ns):
             first = plan.sites.first_entry[s]
@@ -111,7 +117,7 @@ class _Sample:
         times = result.states.t
         return cls(
             t=float(sample if times is None else times[sample]),
-            search=search,
+            solver=solver,
             friction=CoupledFriction(
                 free=np.ascontiguousarray(samples.maps.contact[0, :, 0]),
                 slope=slope,
@@ -124,13 +130,8 @@ class _Sample:
 
     def known(self, factor: float) -> tuple[int, np.ndarray, float]:
         """Return how many solutions the package finds with mu times a factor, one, contraction."""
-        own = self.search.law
-        self.search.law = own._replace(mu=factor * own.mu)
-        try:
-            found = self.search.candidates(np.zeros(1, dtype=np.int64), own.code)
-        finally:
-            self.search.law = own
-        return int(found.found[0]), found.x[0, 0], float(found.figures[0, 0])
+        search, found, _ = self.solver(factor)
+        return found, search.choice.x[0], float(search.answer.contraction[0])
 
     def solve(
         self, solver: str, factor: float, tolerance: float, times: int = 1

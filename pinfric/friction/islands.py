@@ -45,17 +45,22 @@ def split(problem: Problem, modes: Modes, mechanism: Mechanism) -> list[Island]:
         return []
     owner = problem.coordinate[problem.contact_entry]
     np.logical_or.at(linked, owner, (problem.contact[:, 1:] != 0.0).any(axis=2))
-    linked |= linked.T | np.equal.outer(mechanism.block, mechanism.block)
-    left, islands = np.ones(len(linked), dtype=bool), list[Island]()
+    linked |= np.equal.outer(mechanism.block, mechanism.block)
+    parts = connected(linked)
+    return [_part(problem, modes, mechanism, c) for c in parts] if len(parts) > 1 else []
+
+
+def connected(linked: np.ndarray) -> list[np.ndarray]:
+    """Return the connected parts of what is linked (n, n), each in ascending order."""
+    linked, parts = linked | linked.T | np.eye(len(linked), dtype=bool), list[np.ndarray]()
+    left = np.ones(len(linked), dtype=bool)
     while left.any():
         here = linked[np.argmax(left)]
         while (wider := linked[here].any(axis=0)).sum() > here.sum():
             here = wider
-        if here.all():
-            return []
         left &= ~here
-        islands.append(_part(problem, modes, mechanism, np.flatnonzero(here)))
-    return islands
+        parts.append(np.flatnonzero(here))
+    return parts
 
 
 def _part(problem: Problem, modes: Modes, mechanism: Mechanism, c: np.ndarray) -> Island:

@@ -18,8 +18,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pinfric.friction.given_modes import Reduced, newton, reduce_problem
+from pinfric.friction.dense import largest
+from pinfric.friction.given_modes import Reduced, keep, newton, reduce_problem
 from pinfric.friction.problem import Problem
+from pinfric.kernels.compiled import kernel
 
 #: Up to so many frictions that follow loads all solutions are found; most simplices to look at.
 MOST_COUPLED, MOST_PARTS = 6, 20_000
@@ -63,28 +65,35 @@ def find_all(
     return Frictions(solutions, parts, complete)
 
 
-def from_many_starts(reduced: Reduced, direction: np.ndarray) -> tuple[np.ndarray, int]:
-    """Return the frictions (n, nc) that Newton's method finds from many starts, and its passes.
+@kernel
+def from_many_starts(
+    reduced: Reduced, direction: np.ndarray, solutions: np.ndarray, found: int, figures: np.ndarray
+) -> int:
+    """Append the frictions that Newton's method finds from many starts; return how many there are.
 
-    It proves nothing, and the same friction may come several times.
+    Starts are on every scale, drawn by a linear congruential generator. It proves nothing.
 
     Args:
+        reduced: `Reduced`.
         direction: (nc,) of the slip.
+        solutions, found, figures: see `given_modes.solve_given_modes`; those found before.
     """
     unknown, X, _, _, gain, contact = reduced
-    nz, rng = contact.shape[1] - 1, np.random.default_rng(0)
-    scale = float(np.abs(contact[:, 0]).max(initial=0.0)) * float(np.abs(gain).max(initial=0.0))
-    way = np.ones(nz)
-    for c in np.flatnonzero(unknown >= 0):
-        way[unknown[c]] = -direction[c]
-    found, spent = [], 0
-    for start in range(_STARTS if nz else 1):
-        z = way * (scale or 1.0) * 10.0 ** rng.uniform(-4, 5, size=nz) * (start > 0)
-        error, passes = newton(reduced, z, False) if nz else (0.0, 0)
-        spent += passes
+    z, drawn, scale = np.zeros(contact.shape[1] - 1), 1, 0.0
+    for t in range(gain.size):
+        scale = max(scale, np.abs(contact[t, 0]).max())
+    scale *= largest(gain)
+    for start in range(_STARTS if z.size > 0 else 0):
+        for c in range(unknown.size if start > 0 else 0):
+            if unknown[c] >= 0:
+                drawn = (1103515245 * drawn + 12345) % 2**31
+                size = (scale if scale > 0.0 else 1.0) * 10.0 ** (9.0 * drawn / 2**31 - 4.0)
+                z[unknown[c]] = -direction[c] * size
+        error, passes = newton(reduced, z, False)
+        figures[1] += passes
         if error <= _RESIDUAL:
-            found.append(X[:, 0] + X[:, 1:] @ z)
-    return np.array(found).reshape(len(found), len(X)), spent
+            found = keep(X, z, solutions, found)
+    return found
 
 
 def distinct(found: np.ndarray) -> list[np.ndarray]:

@@ -24,7 +24,7 @@ from mechanisms import pin_friction
 
 import pinfric as pf
 from pinfric.dynamics.inverse import interval_ends, result
-from pinfric.dynamics.inverse.choices import LOWER, UPPER
+from pinfric.dynamics.inverse.choices import LOWER, SLIDES, UPPER
 from pinfric.dynamics.samples.outcome import Status
 
 
@@ -82,8 +82,8 @@ def test_ends_that_the_solver_itself_gets_wrong_are_noticed(monkeypatch, case, f
 
 
 def test_an_end_that_the_solver_has_not_looked_at_is_noticed(monkeypatch):
-    """A crank's friction changes no load, all other pins are left at their lower limits."""
-    monkeypatch.setattr(interval_ends, "_options", lambda choices, _: (LOWER,) * choices)
+    """All pins stay at their lower limits."""
+    laws_without(monkeypatch, UPPER, LOWER)
     found = resting_four_bar(2).inverse()
     assert found.interval_exact.all()
     assert judge(found).ends > 1e-3
@@ -93,10 +93,23 @@ def test_an_end_that_the_solver_has_not_looked_at_is_noticed(monkeypatch):
 def test_a_ball_that_never_slides_where_it_turns_round_is_noticed(monkeypatch):
     """Sliding costs more there than what holds it at rest."""
     assert judge(reversing_ball(5.0).inverse()).passed()
-    monkeypatch.setattr(interval_ends, "_options", lambda choices, ball: (UPPER, LOWER)[: 2 - ball])
+    laws_without(monkeypatch, SLIDES, UPPER)
     found = reversing_ball(5.0).inverse()
     assert judge(found).ends > 1.0
     assert not judge(found).passed()
+
+
+def laws_without(monkeypatch, code, other):
+    """Let sites that rest or reverse have another friction in place of one."""
+    friction_laws = interval_ends.friction_laws
+
+    def wrong_laws(*given):
+        law = friction_laws(*given)
+        for values in (law.way, law.mu, law.coulomb):
+            values[code] = np.where(law.options > 1, values[other], values[code])
+        return law
+
+    monkeypatch.setattr(interval_ends, "friction_laws", wrong_laws)
 
 
 @pytest.mark.parametrize(

@@ -141,7 +141,7 @@ def count_calls(monkeypatch, solve):
     for name in ("transmitted", "map_friction"):
         counted(linkage_batch, name)
     counted(motor_torques, "write_motor_torques")
-    counted(interval_ends, "solve_list")
+    counted(interval_ends, "solve_samples")
     solve()
     return counts
 
@@ -166,7 +166,7 @@ def test_what_is_off_is_not_evaluated(monkeypatch, only, expected):
     ("friction", "expected"),
     [
         ({}, {"transmitted": 1, "map_friction": 1}),
-        (pin_friction(0.3), {"transmitted": 1, "map_friction": 1, "solve_list": 1}),
+        (pin_friction(0.3), {"transmitted": 1, "map_friction": 1, "solve_samples": 1}),
     ],
     ids=["loops alone", "coupled"],
 )

@@ -1,7 +1,7 @@
-"""Possible frictions of each site at one sample, and a kernel that solves lists of choices.
+"""Possible frictions of each site at one sample.
 
-A *candidate* is a sample with one choice for every site: a sliding site has its sliding friction, a
-sticking site is at one of its two limits or has no friction.
+A sliding site has its sliding friction, a sticking site is at one of its two limits or has no
+friction; a site that reverses may have any of these.
 """
 
 from __future__ import annotations
@@ -12,14 +12,11 @@ import numpy as np
 
 from pinfric.dynamics.inverse.effort_maps import Maps
 from pinfric.dynamics.problem.plan import Plan
-from pinfric.friction.given_modes import slide, solve_given_modes
-from pinfric.friction.law import add_load_slopes, write_loads
-from pinfric.friction.problem import Modes, Problem
 from pinfric.kernels.arrays import array, make
 from pinfric.kernels.compiled import kernel
 from pinfric.model.laws import Laws, is_dry, law_at
 
-#: Codes of a site's friction in a candidate.
+#: Codes of a site's friction.
 SLIDES, LOWER, UPPER, NONE = range(4)
 
 
@@ -45,25 +42,6 @@ class Choices(NamedTuple):
     mu: np.ndarray = array("4 n ns")
     coulomb: np.ndarray = array("4 n ns")
     constant: np.ndarray = array("n ns")
-
-
-class Candidates(NamedTuple):
-    """Samples with a choice of frictions each, and their solutions.
-
-    Attributes:
-        sample: (m,) which sample.
-        code: (m, ns). direction: (m, ne).
-        x: (m, MOST_SOLUTIONS, ns) friction of each site along its direction, of each solution.
-        found: (m,) number of solutions, -1 if the solver fails because of rounding.
-        figures: (m, 2) contraction, passes.
-    """
-
-    sample: np.ndarray
-    code: np.ndarray
-    direction: np.ndarray
-    x: np.ndarray
-    found: np.ndarray
-    figures: np.ndarray
 
 
 def friction_laws(plan: Plan, maps: Maps, velocity: np.ndarray, at_rest: np.ndarray) -> Choices:
@@ -128,95 +106,3 @@ def _is_within(law: Choices, i: int, s: int) -> bool:
     return law.mu[SLIDES, i, s] <= law.mu[UPPER, i, s] and (
         law.coulomb[SLIDES, i, s] <= law.coulomb[UPPER, i, s]
     )
-
-
-@kernel
-def solve_list(
-    contact: np.ndarray,
-    row: np.ndarray,
-    entry_site: np.ndarray,
-    base: Problem,
-    law: Choices,
-    candidates: Candidates,
-) -> None:
-    """Solve a list of candidates.
-
-    Args:
-        contact: (n, nt, 1 + ne, 3), of `Maps`.
-        row: (number of varying contact forces,) which of the nt.
-        entry_site: of `Plan`.
-        base: buffers; its sites and coordinates are set.
-        law: of all samples.
-        candidates: x, found, figures are overwritten.
-    """
-    ns, direction = base.constant.size, candidates.direction
-    nobody, no_guess, way = np.zeros(ns, np.bool_), np.full(1, np.nan), np.empty(ns)
-    load, rate, verdict = np.empty(ns), np.empty(ns), np.empty(ns, np.int64)
-    no_gears, no_effort = np.empty((0, 3)), np.empty(0)
-    for m in range(candidates.sample.size):
-        i = candidates.sample[m]
-        for s in range(ns):
-            code = candidates.code[m, s]
-            way[s], base.mu_slip[s] = law.way[code, i, s], law.mu[code, i, s]
-            base.coulomb_slip[s] = law.coulomb[code, i, s]
-            base.constant[s] = law.constant[i, s]
-        base.contact[:] = 0.0
-        for r in range(row.size):
-            t = row[r]
-            for e in range(3):
-                base.contact[r, 0, e] = contact[i, t, 0, e]
-                for k in range(entry_site.size):
-                    along = direction[m, k] * contact[i, t, 1 + k, e]
-                    base.contact[r, 1 + entry_site[k], e] += along
-        x, figures, candidates.found[m] = candidates.x[m], candidates.figures[m], 1
-        slips = Modes(nobody, way, nobody, x[0], load, no_effort, rate, verdict, figures)
-        if not slide(base, slips):
-            x[0] = 0.0
-            candidates.found[m] = solve_given_modes(
-                base, nobody, way, no_gears, no_guess, x, figures
-            )
-
-
-@kernel
-def loads_of_samples(
-    contact: np.ndarray,
-    contact_site: np.ndarray,
-    constant: np.ndarray,
-    phi: np.ndarray,
-    load: np.ndarray,
-) -> None:
-    """Write the loads (n, ns) of samples under friction phi (n, ne).
-
-    Args:
-        contact: (n, nt, 1 + ne, 3), of `Maps`.
-        contact_site, constant: (nt,), (ns,), of `Plan`.
-        phi, load: the second is overwritten.
-    """
-    for i in range(phi.shape[0]):
-        write_loads(contact[i], contact_site, constant, phi[i], load[i])
-
-
-@kernel
-def friction_slopes(
-    contact: np.ndarray,
-    contact_site: np.ndarray,
-    law: Choices,
-    candidates: Candidates,
-    phi: np.ndarray,
-    slope: np.ndarray,
-) -> None:
-    """Add the change of each site's friction with all friction, through its load.
-
-    Args:
-        contact, contact_site: see `loads_of_samples`.
-        law, candidates: of which phi (m, ne) is the solution.
-        phi: (m, ne). slope: (m, ns, ne).
-    """
-    weight = np.empty(contact_site.size)
-    for m in range(phi.shape[0]):
-        i = candidates.sample[m]
-        for t in range(weight.size):
-            s = contact_site[t]
-            code = candidates.code[m, s]
-            weight[t] = -law.way[code, i, s] * law.mu[code, i, s]
-        add_load_slopes(contact[i], contact_site, weight, phi[m], slope[m])

@@ -1,78 +1,78 @@
 """Friction, efforts and their ends where reactions depend on friction.
 
 Everything except the friction law is affine in friction (`effort_maps.Maps`), so each sample is a
-small coupled problem (`given_modes`). Sites that stick, or reverse next to a sample, have several
-possible frictions; the ends of efforts are where each site is at one of its limits. A *candidate*
-is a sample with one such choice; the kernel solves lists of them. Up to `ENUMERATED` choices of a
-sample all are candidates. Beyond that, branch and bound finds the ends (`sign_bounds`). Where it
-cannot, or a choice may have several solutions, one site at a time is switched to its other limit
-while the effort still grows: the sample is `searched`. The limit of a ball is a sphere: its
-friction is turned until it points in the direction in which the effort grows fastest. The search of
-a sample ends if it jams; if its candidates took `MOST_PASSES` in total, it is `NOT_CONVERGED`.
+small coupled problem (`given_modes`). Sites whose friction depends on each other are an *island*;
+an effort is the sum of what its islands contribute. Sites that stick, or reverse next to a sample,
+have several possible frictions; the ends of efforts are where each is at one of its limits. A site
+whose friction changes no load is *last*: its limit follows from its load and the end wanted. Up to
+`ENUMERATED` choices of the others are all solved, each from the one before, which differs at one
+site. Beyond that, branch and bound finds the ends (`sign_bounds`). Where it cannot, or a choice may
+have several solutions, one site at a time is switched to its other limit while the effort still
+grows: the sample is `searched`. The limit of a ball is a sphere: its friction is turned until it
+points in the direction in which the effort grows fastest. The search of a sample ends if it jams;
+if its choices took `MOST_PASSES` in total, it is `NOT_CONVERGED`.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
-from itertools import product
 from typing import NamedTuple
 
 import numpy as np
 
-from pinfric.dynamics.inverse.choices import (
-    LOWER,
-    NONE,
-    SLIDES,
-    UPPER,
-    Candidates,
-    friction_laws,
-    friction_slopes,
-    loads_of_samples,
-    solve_list,
-)
+from pinfric.dynamics.inverse.choices import LOWER, NONE, SLIDES, UPPER, Choices, friction_laws
 from pinfric.dynamics.inverse.effort_maps import Maps
-from pinfric.dynamics.inverse.sign_bounds import Limits, contracts, slope_bounds
+from pinfric.dynamics.inverse.sign_bounds import Limits, Slopes, bound_slopes
 from pinfric.dynamics.problem.plan import Plan
 from pinfric.dynamics.samples.outcome import Status
-from pinfric.friction.given_modes import MOST_SOLUTIONS, Reduced, reduce_problem
-from pinfric.friction.problem import empty_problem
-from pinfric.friction.several import distinct, from_many_starts
+from pinfric.friction.dense import solve_dense, spectral_radius_bound
+from pinfric.friction.given_modes import (
+    MOST_SOLUTIONS,
+    Reduced,
+    reduce_problem,
+    solve_given_modes,
+)
+from pinfric.friction.islands import connected
+from pinfric.friction.law import add_load_slopes, write_loads
+from pinfric.friction.problem import Problem
+from pinfric.friction.several import from_many_starts
 from pinfric.kernels.arrays import array, make
+from pinfric.kernels.compiled import KernelArgument, inlined_kernel, kernel, record
 
 #: Choices of one sample that are all looked at: 2^12, with a ball 2^8. Its nodes of branch and
 #: bound, those of all ends together.
 ENUMERATED, ENUMERATED_BALLS, NODES = 4096, 256, 4096
-#: Passes of Newton's method for one sample, all its candidates together: about a second. The last
-#: call begins below it, and its searches from many starts may take as many again.
+#: Passes of Newton's method for one sample, all its choices together: about a second. The last
+#: choice begins below it, and its search from many starts may take as many again.
 MOST_PASSES = 100_000
-#: Statuses without efforts: nothing more is looked for.
-_FAILED = (Status.JAMMED, Status.NOT_CONVERGED, Status.SINGULAR)
-#: Candidates of one call of which more solutions are looked for.
-_MOST_SEARCHED = 100
-#: Candidates per call of the kernel.
-_AT_ONCE = 1 << 14
-#: Turns of a ball's friction until it stays, and what counts as staying.
-_TURNS, _STAYS = 60, 1e-12
+#: More sites than this at rest are never interpreted. Islands are taken together up to so many
+#: sites that are not last.
+_INTERPRETED, _TOGETHER = 6, 3
+#: Below this contraction Newton's method needs no safeguards; its passes, and the relative step
+#: that ends them: its square is rounding.
+_CLEAR, _PASSES, _STEP = 0.9, 12, 1e-10
+#: Turns of a ball's friction until it stays, and what counts as staying: the end's error is its
+#: square.
+_TURNS, _STAYS = 60, 1e-9
 #: Code of a site in a node of branch and bound that is anywhere between its limits.
 _BETWEEN = -1
 
 
 class Ends(NamedTuple):
-    """The results of n samples so far.
+    """The results of n samples.
 
     Attributes:
         lower, upper: (n, na) efforts.
         phi: (n, ne) friction while what sticks has none: the state that wrenches are given for.
         load: (n, ns) in that state.
-        friction_lower, friction_upper: (n, ns) over all candidates.
+        friction_lower, friction_upper: (n, ns) over all choices.
         status: (n,) int8. iterations: (n,) int32. contraction: (n,), the largest.
         searched: (n,) bool: the ends are the best of single flips, so they may be too narrow.
         ends: (n, na, 2, ne) friction at each end of each effort.
     """
 
-    lower: np.ndarray = array("n na", fill=np.inf)
-    upper: np.ndarray = array("n na", fill=-np.inf)
+    lower: np.ndarray = array("n na")
+    upper: np.ndarray = array("n na")
     phi: np.ndarray = array("n ne", fill=np.nan)
     load: np.ndarray = array("n ns", fill=np.nan)
     friction_lower: np.ndarray = array("n ns", fill=np.inf)
@@ -83,491 +83,649 @@ class Ends(NamedTuple):
     searched: np.ndarray = array("n", bool)
     ends: np.ndarray = array("n na 2 ne", fill=np.nan)
 
-    @classmethod
-    def of(cls, plan: Plan, n: int) -> Ends:
-        """Make the arrays for n samples, nothing known."""
-        na, ns, ne = len(plan.drives.action), len(plan.sites.joint), len(plan.entries.site)
-        answer: Ends = make(cls, n=n, na=na, ns=ns, ne=ne)
-        return answer
 
-
-class _Merged(NamedTuple):
-    """One sample as a function of the friction of each site.
+class Island(NamedTuple):
+    """Sites whose friction depends on each other, and on no other site's.
 
     Attributes:
-        effort: (na, ns). contact: (nt, 1 + ns, 3), the first column without friction.
+        site, entry, row: (ns,), (ne,), (nt,) numbers in the plan: of the sites, of their entries,
+            of those of their contact forces that friction changes.
+        of: (ne,) place of each entry's site here. owner: (nt,) of each contact force's.
+        ball, last: (ns,) bool; whether a site's friction changes no load.
     """
 
-    effort: np.ndarray
-    contact: np.ndarray
+    site: np.ndarray
+    entry: np.ndarray
+    row: np.ndarray
+    of: np.ndarray
+    owner: np.ndarray
+    ball: np.ndarray
+    last: np.ndarray
 
 
-class IntervalSearch:
-    """Solves the samples of one batch; see the module's text.
+class Choice(NamedTuple):
+    """One choice of an island's frictions at one sample, and its solutions.
+
+    Attributes:
+        contact, effort: (nt, 1 + ne, 3), (na, ne) of the sample's `Maps`.
+        along: (nt, 1 + ns, 3) `contact` as a function of the friction along each direction.
+        options, code, constant: (ns,) see `Choices`.
+        last: (ns,) bool, see `Island`; while ends are searched none is.
+        direction: (ne,) along which friction acts.
+        way, mu, coulomb: (ns,), (ns,), (ns, 2) of the choice; way 0 where a site is last.
+        x: (MOST_SOLUTIONS, ns) friction of each site along its direction, of each solution.
+        load, phi: (ns,), (ne,) in one of them.
+        limit, limit_code: (2, ns) least and greatest friction of what is last there, its codes.
+        ends: (na, 2) least and greatest contribution to each effort.
+        figures: (2,) contraction, of all choices in these directions; passes.
+        slope, step: (ns, ns), (ns, 1), of Newton's method.
+        most: (4,) `ENUMERATED`, `ENUMERATED_BALLS`, `NODES`, `MOST_PASSES`.
+    """
+
+    contact: np.ndarray = array("nt columns 3")
+    effort: np.ndarray = array("na ne")
+    along: np.ndarray = array("nt places 3")
+    options: np.ndarray = array("ns", np.int64)
+    code: np.ndarray = array("ns", np.int64)
+    constant: np.ndarray = array("ns")
+    last: np.ndarray = array("ns", bool)
+    direction: np.ndarray = array("ne")
+    way: np.ndarray = array("ns")
+    mu: np.ndarray = array("ns")
+    coulomb: np.ndarray = array("ns 2")
+    x: np.ndarray = array("solutions ns", fill=np.nan)
+    load: np.ndarray = array("ns")
+    phi: np.ndarray = array("ne")
+    limit: np.ndarray = array("2 ns")
+    limit_code: np.ndarray = array("2 ns", np.int64)
+    ends: np.ndarray = array("na 2")
+    figures: np.ndarray = array("2")
+    slope: np.ndarray = array("ns ns")
+    step: np.ndarray = array("ns 1")
+    most: np.ndarray = array("4", np.int64)
+
+
+class Search(NamedTuple):
+    """A batch, one of its islands, and the results; see their classes."""
+
+    maps: Maps
+    law: Choices
+    answer: Ends
+    island: Island
+    choice: Choice
+
+
+for _part in (Maps, Choices, Ends, Island, Choice, Search):
+    record(_part)
+
+
+def find_ends(plan: Plan, maps: Maps, velocity: np.ndarray, at_rest: np.ndarray) -> Ends:
+    """Solve every sample of a batch.
 
     Args:
         plan, maps: see `effort_maps`.
-        velocity, at_rest: see `friction_laws`.
+        velocity, at_rest: see `choices.friction_laws`.
     """
+    law, (n, na, columns) = friction_laws(plan, maps, velocity, at_rest), maps.effort.shape
+    answer: Ends = make(Ends, n=n, na=na, ns=len(plan.sites.joint), ne=columns - 1)
+    answer.status[maps.singular] = Status.SINGULAR
+    answer.lower[:] = answer.upper[:] = maps.effort[:, :, 0]
+    kept = [KernelArgument(part) for part in (maps, law, answer)]
+    for island in islands(plan, maps):
+        given = Search(maps, law, answer, island, choice_of(island, na))
+        search = KernelArgument(given, *kept)
+        resting = (law.options[:, island.site[~island.last]] > 1).any(axis=0).sum()
+        long = resting > _INTERPRETED
+        solve_samples(search.record() if long else search.beside(maps.contact))
+    failed = ~np.isin(answer.status, (Status.CONVERGED, Status.AMBIGUOUS))
+    for found in answer:
+        if found.dtype == float and found is not answer.contraction:
+            found[failed] = np.nan
+    answer.searched[failed] = False
+    return answer
 
-    def __init__(self, plan: Plan, maps: Maps, velocity: np.ndarray, at_rest: np.ndarray) -> None:
-        self.plan, self.maps = plan, maps
-        self.law = friction_laws(plan, maps, velocity, at_rest)
-        ns = len(plan.sites.joint)
-        self._rows = np.flatnonzero(plan.sites.varies[plan.contacts.site])
-        sites = plan.contacts.site[self._rows]
-        self.base = empty_problem(np.arange(ns), np.ones(ns), sites, np.zeros(ns))
-        self._balls = np.flatnonzero(plan.sites.entry_count == 3)
 
-    def ends(self) -> Ends:
-        """Solve every sample."""
-        n = len(self.maps.singular)
-        answer = Ends.of(self.plan, n)
-        answer.status[self.maps.singular] = Status.SINGULAR
-        good = np.flatnonzero(~self.maps.singular)
-        if len(good):
-            self._reference(answer, good)
-        open_ = good[(self.law.options[good] > 1).any(axis=1)]
-        if len(open_):
-            self._find_ends(answer, open_)
-        failed = ~np.isin(answer.status, (Status.CONVERGED, Status.AMBIGUOUS))
-        for found in answer:
-            if found.dtype == float and found is not answer.contraction:
-                found[failed] = np.nan
-        answer.searched[failed] = False
-        return answer
+def islands(plan: Plan, maps: Maps) -> Iterator[Island]:
+    """Yield the islands of a batch; small ones are taken together, which saves time."""
+    sites, contacts, entries = plan.sites, plan.contacts, plan.entries
+    linked = np.zeros((len(sites.joint),) * 2, dtype=bool)
+    moved = (np.abs(maps.contact[:, :, 1:]) > 0.0).any(axis=(0, 3))  # nothing singular is
+    np.logical_or.at(linked, np.ix_(contacts.site, entries.site), moved)
+    last = ~linked.any(axis=0) & (sites.entry_count == 1)
+    together = np.arange(0)
+    for site in connected(linked):
+        wider = np.append(together, site)
+        if len(together) and (~last[wider]).sum() > _TOGETHER:
+            yield island_of(plan, together, last)
+            wider = site
+        together = wider
+    if len(together):
+        yield island_of(plan, together, last)
 
-    def candidates(
-        self, sample: np.ndarray, code: np.ndarray, direction: np.ndarray | None = None
-    ) -> Candidates:
-        """Solve the given samples with the given codes (m, ns); directions (m, ne) of the law."""
-        out = self.unsolved(sample, code, direction)
-        if code.shape[1] > 0:  # else nothing rubs, and that is the solution
-            self._solve_candidates(out)
-            self._complete(out)
-        return out
 
-    def unsolved(
-        self, sample: np.ndarray, code: np.ndarray, direction: np.ndarray | None = None
-    ) -> Candidates:
-        """Return candidates before they are solved; see `candidates`."""
-        m, ns = code.shape
-        direction = self.law.direction[sample] if direction is None else direction
-        x, figures = np.zeros((m, MOST_SOLUTIONS, ns)), np.zeros((m, 2))
-        return Candidates(sample, code, direction, x, np.ones(m, dtype=np.int64), figures)
+def island_of(plan: Plan, site: np.ndarray, last: np.ndarray) -> Island:
+    """Return the island of some sites; `last` (all sites,) as in `Island`."""
+    place = np.full(len(plan.sites.joint), -1)
+    place[site] = np.arange(len(site))
+    entry = np.flatnonzero(place[plan.entries.site] >= 0)
+    owner = plan.contacts.site
+    row = np.flatnonzero((place[owner] >= 0) & plan.sites.varies[owner])
+    ball = plan.sites.entry_count[site] == 3
+    of, owner = place[plan.entries.site[entry]], place[owner[row]]
+    return Island(site, entry, row, of, owner, ball, last[site])
 
-    def _solve_candidates(self, c: Candidates) -> None:
-        solve_list(self.maps.contact, self._rows, self.plan.entries.site, self.base, self.law, c)
 
-    def _complete(self, c: Candidates) -> None:
-        """Look for more solutions of candidates whose contraction allows them: from many starts.
+def choice_of(island: Island, na: int) -> Choice:
+    """Make the arrays of an island for na drives."""
+    ns, ne, nt = map(len, island[:3])
+    sizes = {"ns": ns, "ne": ne, "nt": nt, "na": na, "columns": 1 + ne, "places": 1 + ns}
+    choice: Choice = make(Choice, **sizes, solutions=MOST_SOLUTIONS)
+    choice.last[:] = island.last
+    choice.most[:] = ENUMERATED, ENUMERATED_BALLS, NODES, MOST_PASSES
+    return choice
 
-        Of `_MOST_SEARCHED` candidates at most, and of a sample until it comes to its bound.
-        """
-        doubtful = (c.figures[:, 0] >= 1.0) & (c.found < 2)
-        spent = np.bincount(c.sample, c.figures[:, 1])
-        for i in np.flatnonzero(doubtful)[:_MOST_SEARCHED].tolist():
-            if spent[c.sample[i]] > MOST_PASSES:
+
+def choice_of_sample(
+    plan: Plan, maps: Maps, law: Choices, code: np.ndarray
+) -> tuple[Search, int, Reduced]:
+    """Solve one choice (all sites,) of the only sample, without islands.
+
+    Returns:
+        The search with this choice, the number of its solutions, its problem as it is solved.
+    """
+    ns, (_, na, columns) = len(code), maps.effort.shape
+    island = island_of(plan, np.arange(ns), np.zeros(ns, dtype=bool))
+    answer: Ends = make(Ends, n=1, na=na, ns=ns, ne=columns - 1)
+    given = Search(maps, law, answer, island, choice_of(island, na))
+    search, choice = KernelArgument(given).beside(maps.contact), given.choice
+    begin(search, 0)
+    choice.code[:] = code
+    found = solve_choice(search, 0)
+    stuck, rows = np.zeros(ns, dtype=bool), np.empty((0, 3))
+    return given, found, reduce_problem(problem_of(search), stuck, choice.way, rows)[1]
+
+
+@inlined_kernel
+def _code(is_ball: bool, options: int, n: int) -> int:
+    """Return the n-th code among which an end chooses; a ball's limit is one, turned any way."""
+    return SLIDES if options == 1 or (is_ball and n > 0) else UPPER if is_ball else (n + 1) % NONE
+
+
+@inlined_kernel
+def _count(is_ball: bool, options: int) -> int:
+    """Return how many such codes there are."""
+    return max(1, options - is_ball)
+
+
+@kernel
+def solve_samples(search: Search) -> None:
+    """Add what one island does to the efforts of every sample."""
+    island, choice, answer = search.island, search.choice, search.answer
+    last, ends = choice.last, choice.ends
+    for i in range(answer.status.size):
+        if _has_failed(search, i):
+            continue
+        begin(search, i)
+        found = solve_choice(search, i)
+        _note(search, i, found)
+        if found > 0:
+            _complete(search, i, 0)
+            for s in range(last.size):
+                answer.load[i, island.site[s]] = choice.load[s]
+            for e in range(choice.phi.size):
+                answer.phi[i, island.entry[e]] = choice.phi[e]
+        if choice.options.max() == 1:
+            for solution in range(found):
+                if solution > 0:
+                    _complete(search, i, solution)
+                _widen(search, i, solution, -1, 0)
+        elif not _enumerate(search, i):
+            last[:] = False
+            if not _branch(search, i):
+                answer.searched[i] = True
+                for drive in range(ends.shape[0]):
+                    for side in range(2):
+                        _flip(search, i, drive, side)
+            last[:] = island.last
+        for d in range(ends.shape[0]):
+            answer.lower[i, d] += ends[d, 0]
+            answer.upper[i, d] += ends[d, 1]
+
+
+@kernel
+def begin(search: Search, i: int) -> None:
+    """Take over one sample, with the friction that wrenches are given for."""
+    maps, law, island, choice = search.maps, search.law, search.island, search.choice
+    site, entry, row, constant = island.site, island.entry, island.row, choice.constant
+    for s in range(site.size):
+        choice.options[s], choice.code[s] = law.options[i, site[s]], law.code[i, site[s]]
+        constant[s], choice.x[0, s] = law.constant[i, site[s]], 0.0
+    direction, effort, every_effort = choice.direction, choice.effort, maps.effort
+    for e in range(entry.size):
+        direction[e] = law.direction[i, entry[e]]
+        for d in range(effort.shape[0]):
+            effort[d, e] = every_effort[i, d, 1 + entry[e]]
+    contact, every_contact = choice.contact, maps.contact
+    for t in range(row.size):
+        for e in range(1 + entry.size):
+            k = 1 + entry[e - 1] if e > 0 else 0
+            for axis in range(3):
+                contact[t, e, axis] = every_contact[i, row[t], k, axis]
+    for d in range(effort.shape[0]):
+        choice.ends[d, 0], choice.ends[d, 1] = np.inf, -np.inf
+    _direct(search, i)
+
+
+@kernel
+def _direct(search: Search, i: int) -> None:
+    """Write the contact forces as functions of the friction along the directions.
+
+    And the contraction of all choices, see `given_modes.contraction_matrix`.
+    """
+    law, island, choice, of = search.law, search.island, search.choice, search.island.of
+    contact, source, direction = choice.along, choice.contact, choice.direction
+    A, owner, ns = choice.slope, island.owner, choice.code.size
+    contact[:], A[:] = 0.0, 0.0
+    for t in range(owner.size):
+        for axis in range(3):
+            contact[t, 0, axis] = source[t, 0, axis]
+            for e in range(of.size):
+                contact[t, 1 + of[e], axis] += direction[e] * source[t, 1 + e, axis]
+        s, most = owner[t], 0.0
+        for n in range(0 if choice.last[s] else _count(island.ball[s], choice.options[s])):
+            code = _code(island.ball[s], choice.options[s], n)
+            most = max(most, abs(law.mu[code, i, island.site[s]]))
+        for j in range(ns if most > 0.0 else 0):
+            p, q, r = contact[t, 1 + j, 0], contact[t, 1 + j, 1], contact[t, 1 + j, 2]
+            A[s, j] += most * np.sqrt(p * p + q * q + r * r)
+    choice.figures[0] = spectral_radius_bound(A, choice.load)
+
+
+@kernel
+def solve_choice(search: Search, i: int) -> int:
+    """Solve a choice, from the last solution on; return the number of solutions, -1: undecided."""
+    law, choice, site, answer = search.law, search.choice, search.island.site, search.answer
+    code, last, way, mu, coulomb = choice.code, choice.last, choice.way, choice.mu, choice.coulomb
+    x, figures, coupled, found = choice.x, choice.figures, False, 1
+    contraction = figures[0]
+    for s in range(site.size):
+        mu[s] = law.mu[code[s], i, site[s]]
+        coulomb[s] = law.coulomb[code[s], i, site[s]]
+        way[s] = 0.0 if last[s] else law.way[code[s], i, site[s]]
+        coupled |= way[s] * mu[s] != 0.0
+    figures[1] = 0.0
+    if not coupled:
+        for s in range(site.size):
+            x[0, s] = -way[s] * coulomb[s, 0]
+    elif not _descend(search):
+        given = problem_of(search), np.zeros(way.size, np.bool_), way, np.empty((0, 3))
+        found = solve_given_modes(*given, np.full(1, np.nan), x, figures)
+        if found < 2 and figures[0] >= 1.0:
+            reduced = reduce_problem(*given)[1]
+            found = from_many_starts(reduced, way, x, max(found, 0), figures)
+        for s in range(site.size if found < 1 else 0):
+            x[0, s] = 0.0
+    answer.iterations[i] += int(figures[1])
+    answer.contraction[i] = max(answer.contraction[i], figures[0] if coupled else 0.0)
+    figures[0] = contraction
+    return found
+
+
+@kernel
+def problem_of(search: Search) -> Problem:
+    """Return a choice as `given_modes` solves it; sites are its coordinates."""
+    choice, ns = search.choice, search.choice.code.size
+    none, dry = np.zeros(ns), choice.coulomb
+    return Problem(
+        rate_free=none,
+        rate_slope=np.zeros((ns, ns)),
+        rate_scale=none,
+        contact=choice.along,
+        contact_entry=search.island.owner,
+        constant=choice.constant,
+        coordinate=np.arange(ns),
+        ratio=np.ones(ns),
+        mu_slip=choice.mu,
+        mu_stick=choice.mu,
+        coulomb_slip=dry,
+        coulomb_stick=dry,
+        drag=none,
+        gear_rotor=np.zeros((0, 2)),
+        gear_lines=np.zeros((0, 4, 1, 3)),
+        gear_held=np.zeros((0, 3, 2)),
+    )
+
+
+@kernel
+def _descend(search: Search) -> bool:
+    """Solve a choice by Newton's method alone, where it is known to contract; False: it is not."""
+    choice, owner, x, load = (
+        search.choice,
+        search.island.owner,
+        search.choice.x[0],
+        search.choice.load,
+    )
+    J, step, way, mu, dry = choice.slope, choice.step, choice.way, choice.mu, choice.coulomb
+    contact, constant, ns = choice.along, choice.constant, x.size
+    for passes in range(1, _PASSES if choice.figures[0] < _CLEAR else 0):
+        for s in range(ns):
+            load[s] = constant[s]
+            for j in range(ns):
+                J[s, j] = 1.0 if s == j else 0.0
+        for t in range(owner.size):
+            s, p, q, r = owner[t], contact[t, 0, 0], contact[t, 0, 1], contact[t, 0, 2]
+            for j in range(ns):
+                p += contact[t, 1 + j, 0] * x[j]
+                q += contact[t, 1 + j, 1] * x[j]
+                r += contact[t, 1 + j, 2] * x[j]
+            size = np.sqrt(p * p + q * q + r * r)
+            load[s] += size
+            gain = way[s] * mu[s] / size if size > 0.0 else 0.0
+            for j in range(ns if gain != 0.0 else 0):
+                along = p * contact[t, 1 + j, 0] + q * contact[t, 1 + j, 1]
+                J[s, j] += gain * (along + r * contact[t, 1 + j, 2])
+        for s in range(ns):
+            step[s, 0] = x[s] + way[s] * (mu[s] * load[s] + dry[s, 0])
+        if not solve_dense(J, step):
+            return False
+        ends = True
+        for s in range(ns):
+            ends &= abs(step[s, 0]) <= _STEP * abs(x[s])
+            x[s] -= step[s, 0]
+        if ends:
+            choice.figures[1] = passes
+            return True
+    return False
+
+
+@kernel
+def _complete(search: Search, i: int, solution: int) -> None:
+    """Write the loads and the friction of one solution, with limits of what is last."""
+    law, island, choice = search.law, search.island, search.choice
+    x, load, code, phi = choice.x[solution], choice.load, choice.code, choice.phi
+    limit, limit_code, last, of = choice.limit, choice.limit_code, choice.last, island.of
+    way, mu, coulomb = law.way, law.mu, law.coulomb
+    write_loads(choice.along, island.owner, choice.constant, x, load)
+    for s in range(load.size if last.any() else 0):
+        if not last[s]:
+            continue
+        site, options = island.site[s], choice.options[s]
+        limit[0, s], limit[1, s] = np.inf, -np.inf
+        for n in range(-1, options):  # its own code first
+            k = code[s] if n < 0 else _code(False, options, n)
+            friction = -way[k, i, site] * (mu[k, i, site] * load[s] + coulomb[k, i, site])
+            if n < 0:
+                x[s] = friction
                 continue
-            reduced, way = self.reduced(Candidates(*(field[i : i + 1] for field in c)))
-            found, passes = from_many_starts(reduced, way)
-            c.figures[i, 1] += passes
-            spent[c.sample[i]] += passes
-            every = distinct(found)[:MOST_SOLUTIONS]
-            if len(every) > c.found[i]:
-                c.x[i, : len(every)], c.found[i] = every, len(every)
-
-    def reduced(self, one: Candidates) -> tuple[Reduced, np.ndarray]:
-        """Return what `given_modes` solves for one candidate, which it solves on the way.
-
-        Returns:
-            The problem in the frictions that follow loads; (ns,) the direction of each site's slip.
-        """
-        self._solve_candidates(one)  # writes the problem of the last candidate
-        way = self.law.way[one.code[0], one.sample[0], np.arange(one.code.shape[1])]
-        nobody = np.zeros(len(way), dtype=bool)
-        return reduce_problem(self.base, nobody, way, np.empty((0, 3)))[1], way
-
-    def _phi(self, c: Candidates, solution: int) -> np.ndarray:
-        """(m, ne) friction coordinates of one of the solutions."""
-        return np.asarray(c.x[:, solution][:, self.plan.entries.site] * c.direction)
-
-    def _reference(self, answer: Ends, good: np.ndarray) -> None:
-        """Solve the state that wrenches are given for, and all of a sample that only slides."""
-        plan = self.plan
-        c = self.candidates(good, self.law.code[good])
-        self._note(answer, c)
-        some = c.found > 0
-        phi = self._phi(c, 0)
-        answer.phi[good[some]] = phi[some]
-        load = np.empty((len(good), len(plan.sites.joint)))
-        loads_of_samples(
-            self.maps.contact[good], plan.contacts.site, plan.sites.constant, phi, load
-        )
-        answer.load[good[some]] = load[some]
-        slides = (self.law.options[good] == 1).all(axis=1)
-        self._widen(answer, c._replace(found=np.where(slides, c.found, 0)), np.arange(0), -1, 0)
-
-    def _note(self, answer: Ends, c: Candidates) -> None:
-        """Let the outcomes of candidates worsen their samples' statuses."""
-        several = c.sample[c.found > 1]
-        several = several[answer.status[several] == Status.CONVERGED]
-        answer.status[several] = Status.AMBIGUOUS
-        answer.status[c.sample[c.found < 0]] = Status.NOT_CONVERGED
-        answer.status[c.sample[c.found == 0]] = Status.JAMMED
-        np.add.at(answer.iterations, c.sample, c.figures[:, 1].astype(np.int32))
-        np.maximum.at(answer.contraction, c.sample, c.figures[:, 0])
-
-    def _widen(
-        self, answer: Ends, c: Candidates, free: np.ndarray, drive: int, side: int
-    ) -> np.ndarray:
-        """Let solutions widen the ends of their samples; see `_evaluate`."""
-        sign, columns = (1.0 if side else -1.0), self.plan.sites.first_entry[free]
-        value = np.full(len(c.sample), -sign * np.inf)
-        for solution in range(int(c.found.max(initial=0))):
-            has = np.flatnonzero(c.found > solution)
-            sample, phi = c.sample[has], self._phi(c, solution)[has]
-            least, most = self._free_limits(sample, free)
-            maps = self.maps.effort[sample]
-            for up, ends in enumerate((answer.lower, answer.upper)):
-                chosen = np.repeat(phi[:, None], maps.shape[1], axis=1)  # (m, na, ne)
-                grows = (maps[:, :, 1 + columns] > 0) == bool(up)
-                chosen[:, :, columns] = np.where(grows, most[:, None], least[:, None])
-                effort = maps[:, :, 0] + np.einsum("mdk,mdk->md", maps[:, :, 1:], chosen)
-                self._take(answer, sample, effort, chosen, ends, up)
-                if drive >= 0 and up == side:
-                    value[has] = sign * np.maximum(sign * value[has], sign * effort[:, drive])
-            self._widen_friction(answer, sample, c.x[has, solution])
-            answer.friction_lower[np.ix_(sample, free)] = least
-            answer.friction_upper[np.ix_(sample, free)] = most
-        return value
-
-    def _take(
-        self,
-        answer: Ends,
-        sample: np.ndarray,
-        effort: np.ndarray,
-        phi: np.ndarray,
-        ends: np.ndarray,
-        side: int,
-    ) -> None:
-        """Let efforts (m, na) of one side be new ends where they reach beyond the present."""
-        sign = 1.0 if side else -1.0
-        for drive in range(effort.shape[1]):
-            order = np.argsort(sign * effort[:, drive], kind="stable")  # the best comes last
-            best = order[sign * effort[order, drive] > sign * ends[sample[order], drive]]
-            ends[sample[best], drive] = effort[best, drive]
-            answer.ends[sample[best], drive, side] = phi[best, drive]
-
-    def _widen_friction(self, answer: Ends, sample: np.ndarray, x: np.ndarray) -> None:
-        low = x.copy()
-        sticking = self.law.options[sample] > 1
-        for s in self._balls:  # any direction of the sphere
-            low[:, s] = np.where(sticking[:, s], -np.abs(x[:, s]), x[:, s])
-        np.minimum.at(answer.friction_lower, sample, low)
-        np.maximum.at(answer.friction_upper, sample, x)
-
-    def _find_ends(self, answer: Ends, open_: np.ndarray) -> None:
-        """Find the ends of efforts where something sticks or reverses, samples alike together."""
-        free = self._free()
-        patterns, group = np.unique(self.law.options[open_], axis=0, return_inverse=True)
-        for p, pattern in enumerate(patterns):
-            samples = open_[group.ravel() == p]
-            choosing = np.flatnonzero((pattern > 1) & ~free)
-            free_here = np.flatnonzero((pattern > 1) & free)
-            balls = np.intersect1d(choosing, self._balls)
-            options = [_options(int(pattern[s]), s in balls) for s in choosing]
-            count = math.prod(map(len, options))
-            if count <= (ENUMERATED_BALLS if len(balls) else ENUMERATED):
-                samples = self._enumerate(answer, samples, choosing, options, free_here, balls)
-            elif not len(balls) and (pattern[choosing] == 2).all():
-                samples = self._branch(answer, samples, choosing, free_here)
-            if len(samples):
-                self._flip(answer, samples, choosing, options, free_here, balls)
-            answer.searched[samples] = True
-
-    def _enumerate(
-        self,
-        answer: Ends,
-        samples: np.ndarray,
-        choosing: np.ndarray,
-        options: list[tuple[int, ...]],
-        free: np.ndarray,
-        balls: np.ndarray,
-    ) -> np.ndarray:
-        """Solve all combinations of limits; return the samples of which it would take too long."""
-        combinations, left = np.array(list(product(*options)), dtype=np.int64), [np.arange(0)]
-        for part in _slices(len(samples), max(1, _AT_ONCE // len(combinations))):
-            active = samples[part]
-            for block in _slices(len(combinations), ENUMERATED_BALLS):
-                chosen = combinations[block]
-                sample = np.repeat(active, len(chosen))
-                code = self.law.code[sample]
-                code[:, free] = NONE
-                code[:, choosing] = np.tile(chosen, (len(active), 1))
-                if len(balls):
-                    for drive, side in np.ndindex(answer.lower.shape[1], 2):
-                        self._evaluate(answer, sample, code, free, balls, drive, side)
-                else:
-                    self._evaluate(answer, sample, code, free, balls, -1, 0)
-                if len(combinations) > ENUMERATED_BALLS:
-                    several = answer.contraction[active] >= 1.0
-                    left.append(active[several])
-                    active = active[~several]
-        return np.concatenate(left)
-
-    def _branch(
-        self, answer: Ends, samples: np.ndarray, choosing: np.ndarray, free: np.ndarray
-    ) -> np.ndarray:
-        """Find the ends by branch and bound on signs; return the samples in which it gives up.
-
-        A node has some sites at a limit and the others anywhere between. Its guess has these at the
-        limits that `slope_bounds` suggests; it is split at the site whose other limit may gain
-        most.
-        """
-        left = []
-        for sample in samples.tolist():
-            root = self.law.code[sample].copy()
-            root[free], root[choosing] = NONE, _BETWEEN
-            merged = self._merged(sample)
-            ends = np.vstack([merged.effort, np.eye(len(root))[choosing]])
-            owner = self.plan.contacts.site[self._rows]
-            solved = 0 if contracts(merged.contact, owner, self._limits(sample, root)) else NODES
-            for target in np.concatenate([ends, -ends]):
-                nodes, best = root[None], -np.inf
-                while len(nodes) and solved < NODES:
-                    judged = [self._judge(sample, merged, node, target) for node in nodes]
-                    c = self.candidates(
-                        np.full(len(nodes), sample), np.array([guess for guess, _ in judged])
-                    )
-                    gains = np.array([gain for _, gain in judged])
-                    self._note(answer, c)
-                    solved = NODES if (c.found != 1).any() else solved + len(nodes)
-                    self._widen(answer, c, free, -1, 0)
-                    value = c.x[:, 0] @ target
-                    best = max(best, float(value.max()))
-                    most = value + gains.sum(axis=1)
-                    open_ = most > best + 1e-12 * max(abs(best), np.abs(value).max())
-                    nodes = _split(nodes[open_], c.code[open_], gains[open_])
-            if solved >= NODES:
-                left.append(sample)
-        return np.array(left, dtype=np.int64)
-
-    def _merged(self, sample: int) -> _Merged:
-        """Efforts and varying contact forces of one sample as functions of each site's friction."""
-        along, ns = self.law.direction[sample], len(self.plan.sites.joint)
-        to_site = np.zeros((len(along), ns))
-        to_site[np.arange(len(along)), self.plan.entries.site] = along
-        contact, effort = self.maps.contact[sample, self._rows], self.maps.effort[sample]
-        slopes = np.einsum("tje,js->tse", contact[:, 1:], to_site)
-        return _Merged(effort[:, 1:] @ to_site, np.concatenate([contact[:, :1], slopes], axis=1))
-
-    def _judge(
-        self, sample: int, merged: _Merged, node: np.ndarray, target: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Return the guess of a node, (ns,) codes, and (ns,) the most that each other limit gains.
-
-        Args:
-            sample, merged: see `_merged`.
-            node: (ns,) codes.
-            target: (ns,) change with each friction of what shall be great.
-        """
-        least, greatest, width = slope_bounds(
-            merged.contact,
-            self.plan.contacts.site[self._rows],
-            self.law.constant[sample],
-            self._limits(sample, node),
-            target,
-        )
-        between = node == _BETWEEN
-        up = least + greatest > 0.0
-        guess = np.where(between, np.where(up, UPPER, LOWER), node)
-        gain = width * np.maximum(np.where(up, -least, greatest), 0.0)
-        return guess, np.where(between, gain, 0.0)
-
-    def _limits(self, sample: int, node: np.ndarray) -> Limits:
-        """Friction of each site of a node as a function of its load."""
-        between, sites, limits = node == _BETWEEN, np.arange(len(node)), []
-        for code in (np.where(between, LOWER, node), np.where(between, UPPER, node)):
-            way = self.law.way[code, sample, sites]
-            limits += [
-                -way * table[code, sample, sites] for table in (self.law.mu, self.law.coulomb)
-            ]
-        return Limits(*limits)
-
-    def _free(self) -> np.ndarray:
-        """(ns,) sites whose friction changes no load, their own included: each end picks theirs."""
-        plan = self.plan
-        moved = np.abs(self.maps.contact[:, self._rows, 1:][~self.maps.singular]).max(
-            axis=(0, 1, 3), initial=0.0
-        )
-        changes = np.zeros(len(plan.sites.joint), dtype=bool)
-        np.logical_or.at(changes, self.plan.entries.site, moved > 0)
-        return np.asarray(~changes & ~plan.sites.varies & (plan.sites.entry_count == 1))
-
-    def _free_limits(self, sample: np.ndarray, free: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(m, number of free sites) least and greatest friction where loads are fixed."""
-        law, load = self.law, self.law.constant[sample][:, free]
-
-        def friction(code: int) -> np.ndarray:
-            way, mu, dry = (
-                array[code][sample][:, free] for array in (law.way, law.mu, law.coulomb)
-            )
-            return np.asarray(-way * (mu * load + dry))
-
-        least, most, slides = friction(LOWER), friction(UPPER), friction(SLIDES)
-        reverses = law.options[sample][:, free] == 3
-        return (
-            np.where(reverses, np.minimum(least, slides), least),
-            np.where(reverses, np.maximum(most, slides), most),
-        )
-
-    def _evaluate(
-        self,
-        answer: Ends,
-        sample: np.ndarray,
-        code: np.ndarray,
-        free: np.ndarray,
-        balls: np.ndarray,
-        drive: int,
-        side: int,
-    ) -> np.ndarray:
-        """Solve candidates, let them widen the ends, and return one effort (m,) of each.
-
-        Args:
-            answer: widened.
-            sample, code: (m,), (m, ns).
-            free: sites that each end picks the friction of.
-            balls: sites whose direction is turned towards one end: `drive`, `side` (0 lower);
-                where they slide it stays.
-        """
-        value = np.full(len(sample), -np.inf if side else np.inf)
-        here = np.flatnonzero(self._goes_on(answer, sample))
-        if not len(here):
-            return value
-        c = self.candidates(sample[here], code[here])
-        if len(balls):
-            self._turn(answer, c, balls, drive, side)
-        self._note(answer, c)
-        value[here] = self._widen(answer, c, free, drive, side)
-        return value
-
-    def _goes_on(self, answer: Ends, sample: np.ndarray) -> np.ndarray:
-        """(m,) whether a sample may have ends yet, and came not to its bound."""
-        failed = np.isin(answer.status[sample], _FAILED)
-        over = answer.iterations[sample] > MOST_PASSES
-        answer.status[sample[over & ~failed]] = Status.NOT_CONVERGED
-        return np.asarray(~(failed | over))
-
-    def _turn(self, answer: Ends, c: Candidates, balls: np.ndarray, drive: int, side: int) -> None:
-        """Turn the balls' friction of each candidate until it stays, or its sample is at its bound.
-
-        Args:
-            answer: what was spent before.
-            c: overwritten; of passes, the sum over all turns.
-            balls, drive, side: see `_evaluate`.
-        """
-        turning = np.arange(len(c.sample))
-        for _ in range(_TURNS):
-            if not len(turning):
-                return
-            before = Candidates(*(array[turning] for array in c))
-            direction = self._turned(before, balls, drive, side)
-            turned = self.candidates(before.sample, before.code, direction)
-            turned.figures[:, 1] += before.figures[:, 1]
-            for whole, part in zip(c, turned, strict=True):
-                whole[turning] = part
-            passes = np.bincount(c.sample, c.figures[:, 1], len(answer.iterations))
-            within = (answer.iterations + passes)[before.sample] <= MOST_PASSES
-            turn = np.abs(direction - before.direction).max(axis=1, initial=0.0)
-            c.found[turning[(turn >= _STAYS) & ~within]] = -1
-            turning = turning[(turn >= _STAYS) & within]
-
-    def _turned(self, c: Candidates, balls: np.ndarray, drive: int, side: int) -> np.ndarray:
-        """(m, ne) directions in which the balls' friction moves one effort most.
-
-        With x = gain load(phi) and phi = D x, a small change delta of phi changes the effort by
-        g delta, g = U + U D (I - L D)^-1 L: at the extreme every ball's friction points along g.
-        """
-        plan, (m, ne) = self.plan, c.direction.shape
-        ns = len(plan.sites.joint)
-        L = np.zeros((m, ns, ne))
-        friction_slopes(self.maps.contact, plan.contacts.site, self.law, c, self._phi(c, 0), L)
-        D = np.zeros((m, ne, ns))
-        D[:, np.arange(ne), self.plan.entries.site] = c.direction
-        U = self.maps.effort[c.sample, drive, 1:]
-        g = U.copy()
-        inner = np.eye(ns) - L @ D
-        usable = np.abs(np.linalg.det(inner)) > 1e-12
-        right = np.einsum("mks,mk->ms", D[usable], U[usable])[:, :, None]
-        through = np.linalg.solve(inner[usable].transpose(0, 2, 1), right)
-        g[usable] += np.einsum("ms,msk->mk", through[:, :, 0], L[usable])
-        g *= 1.0 if side else -1.0
-        direction = c.direction.copy()
-        for s in balls:
-            part = slice(plan.sites.first_entry[s], plan.sites.first_entry[s] + 3)
-            size = np.linalg.norm(g[:, part], axis=1, keepdims=True)
-            turns = (size > 0) & (c.code[:, [s]] == UPPER)
-            direction[:, part] = np.where(
-                turns, g[:, part] / np.maximum(size, 1e-300), direction[:, part]
-            )
-        return direction
-
-    def _flip(
-        self,
-        answer: Ends,
-        samples: np.ndarray,
-        choosing: np.ndarray,
-        options: list[tuple[int, ...]],
-        free: np.ndarray,
-        balls: np.ndarray,
-    ) -> None:
-        """Search each end by changing one site's friction at a time, while that helps."""
-        columns, turns = self.plan.sites.first_entry[choosing], np.isin(choosing, balls)
-        flips = np.array([(s, o) for s, some in zip(choosing, options, strict=True) for o in some])
-        for drive, side in np.ndindex(answer.lower.shape[1], 2):
-            sign = 1.0 if side else -1.0
-            code = self.law.code[samples]
-            code[:, free] = NONE
-            # from where it would be if no load depended on friction
-            grows = sign * self.maps.effort[samples, drive][:, 1 + columns] > 0
-            code[:, choosing] = np.where(grows | turns, UPPER, LOWER)
-            best = self._evaluate(answer, samples, code, free, balls, drive, side)
-            active = np.arange(len(samples))
-            while len(active := active[self._goes_on(answer, samples[active])]):
-                trials = np.repeat(code[active][:, None], len(flips), axis=1)
-                trials[:, np.arange(len(flips)), flips[:, 0]] = flips[:, 1]
-                shape = trials.shape[:2]
-                value = self._evaluate(
-                    answer,
-                    np.repeat(samples[active], len(flips)),
-                    trials.reshape(-1, trials.shape[2]),
-                    free,
-                    balls,
-                    drive,
-                    side,
-                ).reshape(shape)
-                top = np.argmax(sign * value, axis=1)
-                value = value[np.arange(len(active)), top]
-                better = sign * (value - best[active]) > 1e-12 * np.abs(best[active])
-                code[active[better]] = trials[better, top[better]]
-                best[active[better]] = value[better]
-                active = active[better]
+            for side in range(2):
+                if (2 * side - 1) * (friction - limit[side, s]) > 0.0:
+                    limit[side, s], limit_code[side, s] = friction, k
+    for e in range(phi.size):
+        phi[e] = x[of[e]] * choice.direction[e]
 
 
-def _options(choices: int, is_ball: bool) -> tuple[int, ...]:
-    """Codes among which an end chooses at a site; a ball's limit is one, turned any way."""
-    return (UPPER, SLIDES)[: choices - 1] if is_ball else (LOWER, UPPER, SLIDES)[:choices]
+@inlined_kernel
+def _has_failed(search: Search, i: int) -> bool:
+    """Return whether a sample has no ends, or came to its bound."""
+    answer, status = search.answer, search.answer.status
+    if answer.iterations[i] > search.choice.most[3] and status[i] != Status.JAMMED:
+        status[i] = Status.NOT_CONVERGED
+    return status[i] != Status.CONVERGED and status[i] != Status.AMBIGUOUS
 
 
-def _split(nodes: np.ndarray, guesses: np.ndarray, gains: np.ndarray) -> np.ndarray:
-    """Return two nodes of each: one site at its lower limit, and at its upper one."""
-    fixed = np.where(gains > 0.0, nodes, guesses)  # where nothing is to gain, the guess is right
-    halves, site = np.repeat(fixed, 2, axis=0), np.repeat(np.argmax(gains, axis=1), 2)
-    halves[np.arange(len(halves)), site] = np.tile([LOWER, UPPER], len(nodes))
-    return halves
+@inlined_kernel
+def _note(search: Search, i: int, found: int) -> None:
+    """Let the number of solutions worsen a sample's status."""
+    if found < 1:
+        search.answer.status[i] = Status.JAMMED if found == 0 else Status.NOT_CONVERGED
+    elif found > 1:
+        search.answer.status[i] = Status.AMBIGUOUS
 
 
-def _slices(total: int, size: int) -> Iterator[slice]:
-    for start in range(0, total, size):
-        yield slice(start, min(start + size, total))
+@kernel
+def _evaluate(search: Search, i: int, drive: int, side: int) -> float:
+    """Solve a choice and let its solutions widen the ends.
+
+    Args:
+        search: its choice.
+        i: the sample.
+        drive, side: balls at their limit are turned towards this end (0 lower); -1: there are none.
+
+    Returns:
+        The contribution to that end, of the lower one with the sign changed.
+    """
+    if _has_failed(search, i):
+        return -np.inf
+    law, island, direction = search.law, search.island, search.choice.direction
+    turns = drive >= 0 and island.ball.any()
+    if turns:
+        for e in range(direction.size):
+            direction[e] = law.direction[i, island.entry[e]]
+        _direct(search, i)
+    found, best = 0, -np.inf
+    for _ in range(_TURNS):
+        found = solve_choice(search, i)
+        if not turns or not _turn(search, i, drive, side):
+            break
+        if search.answer.iterations[i] > search.choice.most[3]:
+            found = -1
+            break
+    _note(search, i, found)
+    for solution in range(found):
+        _complete(search, i, solution)
+        best = max(best, _widen(search, i, solution, drive, side))
+    return best
+
+
+@kernel
+def _widen(search: Search, i: int, solution: int, drive: int, side: int) -> float:
+    """Let a solution widen the ends; return its contribution to one of them, see `_evaluate`."""
+    island, choice, answer, best = search.island, search.choice, search.answer, -np.inf
+    effort, phi, ends, limit, of = choice.effort, choice.phi, choice.ends, choice.limit, island.of
+    last, x = choice.last, choice.x[solution]
+    for d in range(effort.shape[0]):
+        for up in range(2):
+            sign, value = 2.0 * up - 1.0, 0.0
+            for e in range(phi.size):
+                if last[of[e]]:
+                    phi[e] = limit[1 if sign * effort[d, e] > 0.0 else 0, of[e]]
+                value += effort[d, e] * phi[e]
+            if sign * value > sign * ends[d, up]:
+                ends[d, up] = value
+                for e in range(phi.size):
+                    answer.ends[i, d, up, island.entry[e]] = phi[e]
+            if d == drive and up == side:
+                best = sign * value
+    lower, upper = answer.friction_lower, answer.friction_upper
+    for s in range(last.size):
+        low, high, site = x[s], x[s], island.site[s]
+        if last[s]:
+            low, high = limit[0, s], limit[1, s]
+        elif island.ball[s] and choice.options[s] > 1:  # any direction of the sphere
+            low = -abs(high)
+        lower[i, site], upper[i, site] = min(lower[i, site], low), max(upper[i, site], high)
+    return best
+
+
+@kernel
+def _turn(search: Search, i: int, drive: int, side: int) -> bool:
+    """Turn the friction of balls at their limit to where it moves an effort most; did it move?
+
+    With x = gain load(phi) and phi = D x, a small change delta of phi changes the effort by
+    g delta, g = U + U D (I - L D)^-1 L: at the extreme every ball's friction points along g.
+    """
+    law, island, choice, sign = search.law, search.island, search.choice, 2.0 * side - 1.0
+    of, owner, code, direction = island.of, island.owner, choice.code, choice.direction
+    ns, ne, U, phi = code.size, of.size, choice.effort[drive], choice.phi
+    _complete(search, i, 0)
+    for e in range(ne):
+        s = of[e]
+        if choice.last[s]:
+            helps = 1 if sign * U[e] > 0.0 else 0
+            phi[e], code[s] = choice.limit[helps, s], choice.limit_code[helps, s]
+    weight, L, A, h = np.empty(owner.size), np.zeros((ns, ne)), np.eye(ns), np.zeros((ns, 1))
+    for t in range(owner.size):
+        k, site = code[owner[t]], island.site[owner[t]]
+        weight[t] = -law.way[k, i, site] * law.mu[k, i, site]
+    add_load_slopes(choice.contact, owner, weight, phi, L)
+    for e in range(ne):
+        h[of[e], 0] += U[e] * direction[e]
+        for s in range(ns):
+            A[of[e], s] -= L[s, e] * direction[e]
+    if not solve_dense(A, h):
+        h[:] = 0.0
+    moved, g = False, np.empty(3)
+    for e in range(ne):
+        if not island.ball[of[e]] or code[of[e]] != UPPER or (e > 0 and of[e - 1] == of[e]):
+            continue
+        for axis in range(3):
+            g[axis] = sign * U[e + axis]
+            for s in range(ns):
+                g[axis] += sign * h[s, 0] * L[s, e + axis]
+        size = np.sqrt(g[0] * g[0] + g[1] * g[1] + g[2] * g[2])
+        if size > 0.0 and np.abs(g / size - direction[e : e + 3]).max() >= _STAYS:
+            direction[e : e + 3] = g / size
+            moved = True
+    if moved:
+        _direct(search, i)
+    return moved
+
+
+@kernel
+def _enumerate(search: Search, i: int) -> bool:
+    """Solve all combinations of limits; False: they are too many.
+
+    Fewer are too many, too, if each may have several solutions.
+    """
+    island, choice, most = search.island, search.choice, search.choice.most
+    (na, ns), balls, corners = (choice.effort.shape[0], choice.code.size), False, 1.0
+    count, place, step = np.ones(ns, np.int64), np.zeros(ns, np.int64), np.ones(ns, np.int64)
+    ball, options, code = island.ball, choice.options, choice.code
+    for s in range(ns):
+        if not choice.last[s]:
+            count[s] = _count(ball[s], options[s])
+        corners *= count[s]
+        balls |= ball[s] and options[s] > 1
+    if corners > (most[1] if balls else most[0]):
+        return False
+    for target in range(2 * na if balls else 1):
+        for s in range(ns):
+            place[s], step[s], code[s] = 0, 1, _code(ball[s], options[s], 0)
+        s = 0
+        while s < ns:  # in the order of Gray's code
+            _evaluate(search, i, target // 2 if balls else -1, target % 2)
+            if _has_failed(search, i):
+                return True
+            if corners > most[1] and choice.figures[0] >= 1.0:
+                return False
+            s = 0
+            while s < ns and not 0 <= place[s] + step[s] < count[s]:
+                step[s] = -step[s]
+                s += 1
+            if s < ns:
+                place[s] += step[s]
+                code[s] = _code(ball[s], options[s], place[s])
+    return True
+
+
+@kernel
+def _branch(search: Search, i: int) -> bool:
+    """Find the ends by branch and bound on signs; False: it gives up.
+
+    A node has some sites at a limit and the others anywhere between. Its guess has these at the
+    limits that `bound_slopes` suggests; it is split at the site whose other limit may gain most.
+    """
+    choice, of, ball, solved = search.choice, search.island.of, search.island.ball, 0
+    (na, ne), ns, options = choice.effort.shape, choice.code.size, choice.options
+    if (options - ball > 2 - ball * 2).any():  # reverses, or is a ball at its limit
+        return False
+    nodes, bound, U = np.empty((ns + 2, ns), np.int64), np.empty(ns + 2), np.empty(ns)
+    for target in range(2 * (na + ns)):
+        d, sign = target // 2, 2.0 * (target % 2) - 1.0
+        if d >= na and options[d - na] == 1:
+            continue
+        U[:] = 0.0
+        for e in range(ne if d < na else 0):
+            U[of[e]] += sign * choice.effort[d, e] * choice.direction[e]
+        if d >= na:
+            U[d - na] = sign
+        height, best, bound[0] = 1, -np.inf, np.inf
+        nodes[0] = np.where(options == 1, SLIDES, _BETWEEN)
+        while height > 0:
+            height -= 1
+            if not bound[height] > best:
+                continue
+            node = nodes[height].copy()
+            if solved == search.choice.most[2]:
+                return False
+            known, gains = _guess(search, i, node, U)
+            if not known:
+                return False
+            _evaluate(search, i, -1, 0)
+            if _has_failed(search, i):
+                return False
+            solved, value = solved + 1, (U * choice.x[0]).sum()
+            best, greatest = max(best, value), value + gains.sum()
+            if greatest > best + 1e-12 * max(abs(best), abs(value)):
+                s = np.argmax(gains)
+                for here in range(2):
+                    # where nothing is to gain, the guess is right
+                    nodes[height] = np.where(gains > 0.0, node, choice.code)
+                    nodes[height, s] = choice.code[s] if here else LOWER + UPPER - choice.code[s]
+                    bound[height] = greatest
+                    height += 1
+    return True
+
+
+@kernel
+def _guess(search: Search, i: int, node: np.ndarray, U: np.ndarray) -> tuple[bool, np.ndarray]:
+    """Guess the limits of a node (ns,) where U times the friction is greatest.
+
+    Returns:
+        Whether the bounds hold; (ns,) the most that each other limit gains.
+    """
+    choice, law = search.choice, search.law
+    ends, gains = np.empty((4, node.size)), np.zeros(node.size)
+    for s in range(node.size):
+        site = search.island.site[s]
+        for side in range(2):
+            code = LOWER + side if node[s] == _BETWEEN else node[s]
+            ends[2 * side, s] = -law.way[code, i, site] * law.mu[code, i, site]
+            ends[2 * side + 1, s] = -law.way[code, i, site] * law.coulomb[code, i, site]
+    limits = Limits(ends[0], ends[1], ends[2], ends[3])
+    slopes = Slopes(np.empty(node.size), np.empty(node.size), np.empty(node.size))
+    given = choice.along, search.island.owner, choice.constant, limits, U, slopes
+    known = bound_slopes(*given)
+    for s in range(node.size):
+        choice.code[s] = node[s]
+        if node[s] == _BETWEEN:
+            up = slopes.least[s] + slopes.greatest[s] > 0.0
+            choice.code[s] = UPPER if up else LOWER
+            gains[s] = slopes.width[s] * max(-slopes.least[s] if up else slopes.greatest[s], 0.0)
+    return known, gains
+
+
+@kernel
+def _flip(search: Search, i: int, drive: int, side: int) -> None:
+    """Search an end by changing one site's friction at a time, while that helps."""
+    island, choice, sign = search.island, search.choice, 2.0 * side - 1.0
+    ball, options, code = island.ball, choice.options, choice.code
+    for e in range(island.of.size):  # from where it is if no load depends on friction
+        s = island.of[e]
+        up = sign * choice.effort[drive, e] > 0.0 and options[s] > 1 and not ball[s]
+        code[s] = _code(ball[s], options[s], 1 if up else 0)
+    best = _evaluate(search, i, drive, side)
+    while not _has_failed(search, i):
+        top, where, flipped = -np.inf, 0, 0
+        for s in range(code.size):
+            now = code[s]
+            for n in range(_count(ball[s], options[s])):
+                code[s] = _code(ball[s], options[s], n)
+                if code[s] != now:
+                    value = _evaluate(search, i, drive, side)
+                    if value > top:
+                        top, where, flipped = value, s, code[s]
+            code[s] = now
+        if not top - best > 1e-12 * abs(best):
+            return
+        best, code[where] = top, flipped

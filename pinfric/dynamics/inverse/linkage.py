@@ -13,7 +13,7 @@ import warnings
 import numpy as np
 
 from pinfric.dynamics.inverse.effort_maps import write_site_wrenches
-from pinfric.dynamics.inverse.interval_ends import MOST_PASSES, Ends, IntervalSearch
+from pinfric.dynamics.inverse.interval_ends import MOST_PASSES, Ends, find_ends
 from pinfric.dynamics.inverse.linkage_batch import link_samples, loop_wrenches
 from pinfric.dynamics.inverse.result import InverseResult
 from pinfric.dynamics.inverse.undriven import check_undriven
@@ -62,7 +62,7 @@ def solve_linkage(
         moved = drive_motion[:, there.start - around.start : there.stop - around.start]
         moved[0], moved[1] = samples.drive_velocity, samples.drive_acceleration
         frictionless[here] = maps.effort[:, :, 0]
-        found = IntervalSearch(plan, maps, velocity, reversal[here]).ends()
+        found = find_ends(plan, maps, velocity, reversal[here])
         parts.append(found)
         given = samples.wrench, X, maps.y, found.phi, wrench[here], solved[here]
         write_site_wrenches(argument.beside(*given), *given)

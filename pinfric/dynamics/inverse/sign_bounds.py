@@ -17,10 +17,14 @@ from typing import NamedTuple
 
 import numpy as np
 
+from pinfric.friction.dense import solve_dense
+from pinfric.kernels.arrays import array
+from pinfric.kernels.compiled import kernel
+
 #: Passes that narrow the friction, and the slopes of the effort.
 _PASSES = 6
-#: So far below 1 the contraction counts as certain.
-_CERTAIN = 1e-6
+#: Friction that grows by more than this where it feeds itself does not count as contracting.
+_MOST_GROWTH = 1e6
 
 
 class Limits(NamedTuple):
@@ -31,102 +35,91 @@ class Limits(NamedTuple):
         a_high, b_high: at that of the greatest.
     """
 
-    a_low: np.ndarray
-    b_low: np.ndarray
-    a_high: np.ndarray
-    b_high: np.ndarray
+    a_low: np.ndarray = array("ns")
+    b_low: np.ndarray = array("ns")
+    a_high: np.ndarray = array("ns")
+    b_high: np.ndarray = array("ns")
 
 
-def slope_bounds(
-    contact: np.ndarray, owner: np.ndarray, constant: np.ndarray, limits: Limits, U: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return bounds (ns,) of g, least and greatest, and the most by which a site's limits differ.
+class Slopes(NamedTuple):
+    """Bounds (ns,) of g, least and greatest, and the most by which a site's limits differ."""
+
+    least: np.ndarray = array("ns")
+    greatest: np.ndarray = array("ns")
+    width: np.ndarray = array("ns")
+
+
+@kernel
+def bound_slopes(
+    contact: np.ndarray,
+    owner: np.ndarray,
+    constant: np.ndarray,
+    limits: Limits,
+    U: np.ndarray,
+    slopes: Slopes,
+) -> bool:
+    """Write bounds of slopes; False: a choice of limits may have several frictions, or none.
 
     Args:
         contact: (nt, 1 + ns, 3) contact forces as functions of the friction.
         owner: (nt,) whose load each is part of. constant: (ns,) the rest of it.
         limits: of all sites.
         U: (ns,) the effort's change with each friction.
-
-    The friction must contract, see `contracts`.
+        slopes: overwritten.
     """
-    ns = len(constant)
-    size = np.linalg.norm(contact, axis=2)
-    gain = np.maximum(np.abs(limits.a_low), np.abs(limits.a_high))
-    dry = np.maximum(np.abs(limits.b_low), np.abs(limits.b_high))
-    whole = np.linalg.inv(np.eye(ns) - _coupling(contact, owner, limits))
-    most = whole @ (gain * (constant + _per_site(size[:, 0], owner, ns)) + dry)
-    low, high = -most, most
+    (nt, columns, _), a_low, a_high = contact.shape, limits.a_low, limits.a_high
+    # 1. Friction contracts if K, the most by which it changes with itself, has (I - K)^-1 >= 0.
+    gain, size = np.maximum(np.abs(a_low), np.abs(a_high)), np.sqrt((contact**2).sum(axis=2))
+    inner, growth = np.eye(columns - 1), np.eye(columns - 1)
+    unmoved = gain * constant + np.maximum(np.abs(limits.b_low), np.abs(limits.b_high))
+    for t in range(nt):
+        inner[owner[t]] -= gain[owner[t]] * size[t, 1:]
+        unmoved[owner[t]] += gain[owner[t]] * size[t, 0]
+    if not solve_dense(inner, growth) or not 0.0 <= growth.min() <= growth.max() < _MOST_GROWTH:
+        return False
+    # 2. Intervals of friction and loads.
+    high = (growth * unmoved).sum(axis=1)
+    low, center, length, spread = -high, np.empty((nt, 3)), np.empty(nt), np.empty(nt)
+    lightest, heaviest = constant, constant
     for _ in range(_PASSES):
-        center = contact[:, 0] + np.einsum("tje,j->te", contact[:, 1:], (low + high) / 2)
-        length, spread = np.linalg.norm(center, axis=1), size[:, 1:] @ ((high - low) / 2)
-        load = (
-            constant + _per_site(np.maximum(length - spread, 0.0), owner, ns),
-            constant + _per_site(length + spread, owner, ns),
-        )
-        low = np.maximum(low, limits.b_low + np.minimum(*(limits.a_low * some for some in load)))
-        high = np.minimum(
-            high, limits.b_high + np.maximum(*(limits.a_high * some for some in load))
-        )
-    middle, radius = _load_slopes(contact, owner, ns, center, length, spread)
-    mean, half = (limits.a_high + limits.a_low) / 2, (limits.a_high - limits.a_low) / 2
-    L = mean[:, None] * middle
-    L_radius = half[:, None] * np.abs(middle) + gain[:, None] * radius
-    inverse = np.linalg.inv(np.eye(ns) - L)
-    g, g_radius = U @ inverse, np.abs(U) @ whole
-    least, greatest = -g_radius, g_radius
+        lightest, heaviest = constant.copy(), constant.copy()
+        for t in range(nt):
+            center[t], spread[t] = contact[t, 0], 0.0
+            for j in range(columns - 1):
+                center[t] += contact[t, 1 + j] * (0.5 * (low[j] + high[j]))
+                spread[t] += size[t, 1 + j] * 0.5 * (high[j] - low[j])
+            length[t] = np.sqrt((center[t] ** 2).sum())
+            lightest[owner[t]] += max(length[t] - spread[t], 0.0)
+            heaviest[owner[t]] += length[t] + spread[t]
+        low = np.maximum(low, limits.b_low + np.minimum(a_low * lightest, a_low * heaviest))
+        high = np.minimum(high, limits.b_high + np.maximum(a_high * lightest, a_high * heaviest))
+    # 3. The middle and the radius of d load_s / d x_j: a contact force turns by little.
+    middle, radius = np.zeros(growth.shape), np.zeros(growth.shape)
+    for t in range(nt):
+        certain = spread[t] < length[t]
+        turn = 2 * np.sin(0.5 * np.arcsin(spread[t] / length[t])) if certain else 2.0
+        for j in range(columns - 1):
+            most, along = size[t, 1 + j], 0.0
+            if certain:
+                along = (center[t] * contact[t, 1 + j]).sum() / length[t]
+            least, greatest = max(along - turn * most, -most), min(along + turn * most, most)
+            middle[owner[t], j] += 0.5 * (least + greatest)
+            radius[owner[t], j] += 0.5 * (greatest - least)
+    # 4. g, by how much L may be off its middle.
+    for s in range(columns - 1):
+        radius[s] = 0.5 * (a_high[s] - a_low[s]) * np.abs(middle[s]) + gain[s] * radius[s]
+        middle[s] *= -0.5 * (a_high[s] + a_low[s])
+        middle[s, s] += 1.0
+    inverse = np.eye(columns - 1)
+    if not solve_dense(middle, inverse):
+        return False
+    g = (inverse.T * U).sum(axis=1)
+    slopes.greatest[:] = (growth.T * np.abs(U)).sum(axis=1)
+    slopes.least[:] = -slopes.greatest
     for _ in range(_PASSES):
-        reach = (np.maximum(np.abs(least), np.abs(greatest)) @ L_radius) @ np.abs(inverse)
-        least, greatest = np.maximum(least, g - reach), np.minimum(greatest, g + reach)
-    width = (limits.a_high - limits.a_low) * load[1] + limits.b_high - limits.b_low
-    return least, greatest, width
-
-
-def contracts(contact: np.ndarray, owner: np.ndarray, limits: Limits) -> bool:
-    """Return whether every choice of limits has one friction (contraction below 1).
-
-    Args: see `slope_bounds`.
-    """
-    radius = np.abs(np.linalg.eigvals(_coupling(contact, owner, limits))).max(initial=0.0)
-    return bool(radius < 1.0 - _CERTAIN)
-
-
-def _coupling(contact: np.ndarray, owner: np.ndarray, limits: Limits) -> np.ndarray:
-    """(ns, ns) the most by which friction changes with friction: |a_s| sum of |contact_tj|."""
-    gain = np.maximum(np.abs(limits.a_low), np.abs(limits.a_high))
-    return gain[:, None] * _per_site(np.linalg.norm(contact[:, 1:], axis=2), owner, len(gain))
-
-
-def _load_slopes(
-    contact: np.ndarray,
-    owner: np.ndarray,
-    ns: int,
-    center: np.ndarray,
-    length: np.ndarray,
-    spread: np.ndarray,
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return (ns, ns) the middle and the radius of d load_s / d x_j.
-
-    Args:
-        contact, owner, ns: see `slope_bounds`.
-        center, length: (nt, 3), (nt,) contact forces in the middle of the friction, their sizes.
-        spread: (nt,) by how much they may differ from it.
-    """
-    size = np.linalg.norm(contact[:, 1:], axis=2)
-    certain = spread < length
-    share = np.divide(spread, length, out=np.zeros_like(length), where=certain)
-    turn = np.where(certain, 2 * np.sin(np.arcsin(share) / 2), 0.0)
-    along = np.einsum("te,tje->tj", center / np.maximum(length, 1e-300)[:, None], contact[:, 1:])
-    least = np.where(certain[:, None], np.maximum(along - turn[:, None] * size, -size), -size)
-    most = np.where(certain[:, None], np.minimum(along + turn[:, None] * size, size), size)
-    return (
-        _per_site((least + most) / 2, owner, ns),
-        _per_site((most - least) / 2, owner, ns),
-    )
-
-
-def _per_site(values: np.ndarray, owner: np.ndarray, ns: int) -> np.ndarray:
-    """Sum values (nt, ...) of contact forces over each site's."""
-    out = np.zeros((ns, *values.shape[1:]))
-    np.add.at(out, owner, values)
-    return out
+        off = (radius.T * np.maximum(np.abs(slopes.least), np.abs(slopes.greatest))).sum(axis=1)
+        reach = (np.abs(inverse).T * off).sum(axis=1)
+        slopes.least[:] = np.maximum(slopes.least, g - reach)
+        slopes.greatest[:] = np.minimum(slopes.greatest, g + reach)
+    slopes.width[:] = (a_high - a_low) * heaviest + limits.b_high - limits.b_low
+    return True

@@ -7,14 +7,14 @@ from functools import partial
 
 import numpy as np
 
-from pinfric.dynamics.inverse.choices import LOWER, SLIDES
+from pinfric.dynamics.inverse.choices import LOWER, friction_laws
 from pinfric.dynamics.inverse.effort_maps import write_site_wrenches
-from pinfric.dynamics.inverse.interval_ends import Ends, IntervalSearch
+from pinfric.dynamics.inverse.interval_ends import Ends, choice_of_sample, find_ends
 from pinfric.dynamics.inverse.linkage_batch import LinkedSamples, link_samples, loop_wrenches
 from pinfric.dynamics.problem.plan import Plan, drive_delivery, kept_plan
 from pinfric.dynamics.samples.outcome import Solution, SolvedMotion
 from pinfric.friction.dense import spectral_radius_bound
-from pinfric.friction.given_modes import Reduced, contraction_matrix
+from pinfric.friction.given_modes import contraction_matrix
 from pinfric.friction.law import write_loads
 from pinfric.friction.several import distinct, from_many_starts
 from pinfric.model.scene import Scene
@@ -25,15 +25,20 @@ def find_solutions(result: SolvedMotion, sample: int) -> tuple[Solution, ...]:
     if result.scene.linkage is None:
         return (_of_open_chain(result, sample),)
     plan, samples, velocity = one_sample(result, sample)
-    search = IntervalSearch(plan, samples.maps, velocity, result.reversal[sample][None])
+    reversal = result.reversal[sample][None]
     if samples.maps.singular[0]:
         return ()
-    if (search.law.options > 1).any():
-        ends = search.ends().ends
+    law = friction_laws(plan, samples.maps, velocity, reversal)
+    if (law.options > 1).any():
+        ends = find_ends(plan, samples.maps, velocity, reversal).ends
         found = ends.reshape(-1, ends.shape[-1])
         found = found[~np.isnan(found).any(axis=1)]
     else:
-        found = _search(search)
+        search, count, reduced = choice_of_sample(plan, samples.maps, law, law.code[0])
+        choice = search.choice
+        given = choice.x, max(count, 0), choice.figures
+        count = from_many_starts(reduced, choice.way, *given)
+        found = choice.x[:count, plan.entries.site] * law.direction
     return tuple(_solution(result.scene, samples, phi) for phi in distinct(found))
 
 
@@ -42,8 +47,8 @@ def solve_sample(
 ) -> tuple[Ends, Callable[[np.ndarray], Solution]]:
     """Return one sample's ends, solved alone, and what makes solutions of frictions (ne,)."""
     plan, samples, velocity = one_sample(result, sample)
-    search = IntervalSearch(plan, samples.maps, velocity, result.reversal[sample][None])
-    return search.ends(), partial(_solution, result.scene, samples)
+    ends = find_ends(plan, samples.maps, velocity, result.reversal[sample][None])
+    return ends, partial(_solution, result.scene, samples)
 
 
 def one_sample(result: SolvedMotion, sample: int) -> tuple[Plan, LinkedSamples, np.ndarray]:
@@ -56,13 +61,6 @@ def one_sample(result: SolvedMotion, sample: int) -> tuple[Plan, LinkedSamples, 
     return argument.given, samples, samples.velocity[states.inside(part)]
 
 
-def reduced_problem(search: IntervalSearch) -> Reduced:
-    """Return the reduced problem of `given_modes` for a search's only sample."""
-    law = search.law
-    code = np.where(law.options > 1, LOWER, law.code)  # what sticks is at a limit
-    return search.reduced(search.unsolved(np.zeros(1, dtype=np.int64), code))[0]
-
-
 def find_jamming_site(result: SolvedMotion, sample: int) -> str | None:
     """Return the site whose load grows most with friction (`result.jamming_site`)."""
     if result.scene.linkage is None or not result.scene.site_names:
@@ -70,22 +68,15 @@ def find_jamming_site(result: SolvedMotion, sample: int) -> str | None:
     plan, samples, velocity = one_sample(result, sample)
     if samples.maps.singular[0]:
         return None
-    search = IntervalSearch(plan, samples.maps, velocity, result.reversal[sample][None])
-    reduced = reduced_problem(search)
+    law = friction_laws(plan, samples.maps, velocity, result.reversal[sample][None])
+    code = np.where(law.options[0] > 1, LOWER, law.code[0])  # what sticks is at a limit
+    reduced = choice_of_sample(plan, samples.maps, law, code)[2]
     nz = reduced.contact.shape[1] - 1
     A, vector = np.empty((nz, nz)), np.empty(nz)
     contraction_matrix(reduced, A)
     if spectral_radius_bound(A, vector) == 0.0:
         return None
     return result.scene.site_names[int(np.flatnonzero(reduced.unknown == np.argmax(vector))[0])]
-
-
-def _search(search: IntervalSearch) -> np.ndarray:
-    """Newton from many starts on every scale; (number found, ne) friction coordinates."""
-    plan, law = search.plan, search.law
-    x, _ = from_many_starts(reduced_problem(search), law.way[SLIDES, 0])
-    x = x.reshape(len(x), len(plan.sites.first_entry))
-    return np.ascontiguousarray(x[:, plan.entries.site] * law.direction[0])
 
 
 def _solution(scene: Scene, samples: LinkedSamples, phi: np.ndarray) -> Solution:

@@ -34,8 +34,9 @@ from mechanisms import (
 )
 
 import pinfric as pf
-from pinfric.dynamics.inverse.interval_ends import IntervalSearch
-from pinfric.dynamics.inverse.solutions import one_sample, reduced_problem
+from pinfric.dynamics.inverse.choices import friction_laws
+from pinfric.dynamics.inverse.interval_ends import choice_of_sample
+from pinfric.dynamics.inverse.solutions import one_sample
 from pinfric.dynamics.samples.outcome import Status
 from pinfric.friction.given_modes import fixed_point, newton
 
@@ -514,8 +515,8 @@ def test_iterations_of_fixed_point_and_newton_up_to_the_jam(capsys):
     for mu in (0.05, 0.1, 0.2, 0.3, 0.4, 0.45, 0.49, 0.499, 0.4999):
         result = jamming_drawer(mu, 1.0).inverse()
         plan, samples, velocity = one_sample(result, 0)
-        solver = IntervalSearch(plan, samples.maps, velocity, result.reversal)
-        reduced = reduced_problem(solver)
+        law = friction_laws(plan, samples.maps, velocity, result.reversal)
+        reduced = choice_of_sample(plan, samples.maps, law, law.code[0])[2]
         z, w = np.zeros(1), np.zeros(1)
         slow = fixed_point(reduced, z, 1e-13)
         error, fast = newton(reduced, w, True)
