@@ -51,6 +51,16 @@ class Criterion:
     missing: str = quantity("the figure that is missing, where it is not checked", default="")
 
     @property
+    def fails(self) -> bool:
+        """Whether it is not met."""
+        return self.status == Status.FAILS
+
+    @property
+    def unchecked(self) -> bool:
+        """Whether a figure is missing."""
+        return self.status == Status.NOT_CHECKED
+
+    @property
     def lacks(self) -> str:
         """The figure that is missing, of a criterion that was not checked; else its note."""
         return self.missing or self.note
@@ -63,7 +73,7 @@ class Criterion:
         """
         if self.margin is None or self.name == "back-driving":
             return False
-        return self.name not in STEPS or self.status == Status.FAILS
+        return self.name not in STEPS or self.fails
 
     @property
     def _no_finite_margin(self) -> bool:
@@ -82,7 +92,7 @@ class Criterion:
     @property
     def why(self) -> str:
         """Return shortfall or reserve in words, or what is missing."""
-        said = self.condition if self.status == Status.FAILS else ""
+        said = self.condition if self.fails else ""
         by = f" ({said})" if said else ""
         if self._no_finite_margin and self.note:
             return f"{self.name}: {self.note}{by}"  # no number says more

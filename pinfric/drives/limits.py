@@ -453,11 +453,11 @@ def _gear_life(d: Drives) -> float:
         return _PLANETARY_LIFE if within else np.nan
     if d.entry.kind != "cycloidal":
         known = not np.isnan(life * speed * torque)
-        return gear_life(life, speed, torque, mean_speed, mean_effort)[0] if known else np.nan
+        return gear_life(life, speed, torque, mean_speed, mean_effort) if known else np.nan
     life = _CYCLOIDAL_LIFE if np.isnan(life) else life
     if np.isnan(speed * torque):
         return np.nan
-    return gear_life(life, speed, torque, mean_speed, _rollers_torque(d), ROLLER)[0]
+    return gear_life(life, speed, torque, mean_speed, _rollers_torque(d), ROLLER)
 
 
 #: Formula and source of a gear's life, by its kind; of others as of strain wave gears.

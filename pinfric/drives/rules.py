@@ -124,8 +124,8 @@ def gear_life(
     average_input_speed: float,
     average_torque: float,
     exponent: float = 3.0,
-) -> tuple[float, float]:
-    """Return (L10, L50) of a gear by the bearing of its input, in hours.
+) -> float:
+    """Return L10 of a gear by the bearing of its input, in hours.
 
     Strain wave gears: L50 = L_n (n_N/n_in,av)(T_N/T_av)^3, L10 = L50/5, of the wave generator's
     balls; infinite where nothing turns or loads. Cycloidal gears print L10 as L_n, of the rollers
@@ -141,10 +141,10 @@ def gear_life(
     ISO 281's exponent, by rule.
     """
     if not (average_input_speed > 0 and average_torque > 0):
-        return np.inf, np.inf
+        return np.inf
     turns = nominal_life * rated_speed / average_input_speed
     found = turns * float((rated_torque / average_torque) ** exponent)
-    return (found / 5, found) if exponent == BALL else (found, 5 * found)
+    return found / 5 if exponent == BALL else found
 
 
 def resonance(stiffness: float, inertia: float) -> float:

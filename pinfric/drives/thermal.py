@@ -48,7 +48,6 @@ def winding_cycle(
     resistance: float,
     thermal: Thermal,
     ambient: float,
-    copper: float = COPPER,
     duty: Schedule | None = None,
     no_load: np.ndarray | None = None,
 ) -> WindingCycle:
@@ -65,7 +64,6 @@ def winding_cycle(
         resistance: ohm at 25 C.
         thermal: with both time constants.
         ambient: deg C.
-        copper: alpha, 1/K.
         duty: which samples are which cycle of a period; None: they are one.
         no_load: (T,) P_0, W; None: nothing.
 
@@ -84,10 +82,10 @@ def winding_cycle(
     )
     conductance = np.array([1 / thermal.winding_housing, 1 / thermal.housing_ambient])
     heat = resistance * mean_square(np.abs(current))
-    warm = 1 + copper * (ambient - REFERENCE_TEMPERATURE)
+    warm = 1 + COPPER * (ambient - REFERENCE_TEMPERATURE)
     at_housing = np.zeros(len(t)) if no_load is None else no_load
     between = 0.5 * (at_housing[:-1] + at_housing[1:])
-    maps = _maps(np.diff(t), heat, between, warm, copper, capacity, conductance)
+    maps = _maps(np.diff(t), heat, between, warm, COPPER, capacity, conductance)
     schedule = duty or once(len(t))
     starts, nothing = np.array(schedule.starts), np.zeros(2)
     rise, runaway, _ = settled(maps, starts, schedule.counts, nothing)
@@ -102,7 +100,6 @@ def mean_winding_temperature(
     resistance: float,
     thermal: Thermal,
     ambient: float,
-    copper: float = COPPER,
     no_load: float = 0.0,
 ) -> float:
     """Return the winding's temperature at the cycle's mean heat, deg C: a floor of its peak.
@@ -115,10 +112,10 @@ def mean_winding_temperature(
     resistance_to_ambient = thermal.winding_housing + thermal.housing_ambient
     heat = resistance * _mean_square_over(t, np.abs(current))
     gain = resistance_to_ambient * heat
-    if copper * gain >= 1:
+    if COPPER * gain >= 1:
         return np.inf
-    warm = 1 + copper * (ambient - REFERENCE_TEMPERATURE)
-    return ambient + (gain * warm + thermal.housing_ambient * no_load) / (1 - copper * gain)
+    warm = 1 + COPPER * (ambient - REFERENCE_TEMPERATURE)
+    return ambient + (gain * warm + thermal.housing_ambient * no_load) / (1 - COPPER * gain)
 
 
 def no_load_heat(

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from pinfric.drives.criterion import Criterion, Status
+from pinfric.drives.criterion import Criterion
 from pinfric.drives.inertia import load_inertias
 from pinfric.drives.limit import signals
 from pinfric.drives.limits import instant_limits
@@ -317,8 +317,7 @@ class _Retiming:
             failed = [
                 c.why
                 for c in criteria
-                if c.status == Status.FAILS
-                and (c.margin is None or c.margin < -self.policy.tolerance)
+                if c.fails and (c.margin is None or c.margin < -self.policy.tolerance)
             ]
             if heat and failed:
                 yield f"{name}: this motion, repeated, does not pass `size`: {'; '.join(failed)}"

@@ -24,7 +24,7 @@ import numpy as np
 
 from pinfric.drives.brake import Stop, braking_torques, smallest_brake
 from pinfric.drives.catalog import Brake, Catalog, Gear, GearMotor, Motor
-from pinfric.drives.criterion import STEPS, Criterion, Status
+from pinfric.drives.criterion import STEPS, Criterion
 from pinfric.drives.demand import largest, mean
 from pinfric.drives.drivetrain import (
     Candidate,
@@ -102,7 +102,7 @@ class Assessment:
         for limit in LIMITS:
             if limit.verdict is not None:
                 judged = limit.verdict(self.drives)
-                low = -1.0 if judged.status == Status.FAILS else np.nan
+                low = -1.0 if judged.fails else np.nan
                 found.append((limit, low))
             elif limit.applies(self.drives):
                 found.append((limit, float(limit.margin(self.drives))))
@@ -121,13 +121,13 @@ class Assessment:
     @cached_property
     def failed(self) -> tuple[Criterion, ...]:
         """The criteria it fails, the worst first."""
-        failed = [c for c in self.criteria if c.status == Status.FAILS]
+        failed = [c for c in self.criteria if c.fails]
         return tuple(sorted(failed, key=lambda c: c.margin if c.margin is not None else 0.0))
 
     @cached_property
     def not_checked(self) -> tuple[Criterion, ...]:
         """The criteria for which a figure is missing."""
-        return tuple(c for c in self.criteria if c.status == Status.NOT_CHECKED)
+        return tuple(c for c in self.criteria if c.unchecked)
 
     @cached_property
     def fits(self) -> bool:
@@ -146,7 +146,7 @@ class Assessment:
         wanted |= {"back-driving"} if conditions.back_driving != "any" else set()
         names = {limit.name for limit, margin in self._margins if np.isnan(margin)} & wanted
         found = (c for c in self.criteria if c.name in names) if names else ()
-        return tuple(c.lacks for c in found if c.status == Status.NOT_CHECKED)
+        return tuple(c.lacks for c in found if c.unchecked)
 
     @cached_property
     def margin(self) -> float:

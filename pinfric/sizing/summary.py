@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from pinfric.drives.brake import Standstill
-from pinfric.drives.criterion import Criterion, Status
+from pinfric.drives.criterion import Criterion
 from pinfric.drives.demand import JointDemand
 from pinfric.drives.drivetrain import MotorFigures
 from pinfric.drives.limit import number
@@ -330,10 +330,10 @@ def unchecked(report: SizingReport) -> tuple[Unchecked, ...]:
             found.setdefault(("all of its drive", because), []).append(joint.name)
             continue
         for c in criteria:
-            if c.status == Status.NOT_CHECKED:
+            if c.unchecked:
                 found.setdefault((c.name, c.lacks), []).append(joint.name)
     for c in (*report.bus.criteria, *report.arm_criteria):
-        if c.status == Status.NOT_CHECKED:
+        if c.unchecked:
             found.setdefault((c.name, c.lacks), [])
     if report.stops is None:
         lacks = report.no_stops or "a drive that fits for every joint"

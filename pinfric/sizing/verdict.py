@@ -178,9 +178,7 @@ def verdict_of(report: SizingReport) -> Verdict:
             f"{report.drive_mass:.2f} kg if the links are bare, {report.other_mass:.2f} kg if they "
             f"hold the drives{whose}: write `robot.masses`"
         )
-    if any(
-        c.name == _OPEN_STOP and c.status == Status.FAILS for own in report.criteria for c in own
-    ):
+    if any(c.name == _OPEN_STOP and c.fails for own in report.criteria for c in own):
         open_stop = f"of a rating alone stops are not demanded: {_DEMAND_STOPS}"
         question = "; ".join(text for text in (question, open_stop) if text)
     remarks = (legs, "" if beyond else heavy, weighs if possible else "")
@@ -193,7 +191,7 @@ def causes(report: SizingReport) -> tuple[str, ...]:
     if catalog is None:
         return ()
     found, pairs = [], tuple(zip(report.joints, report.criteria, strict=True))
-    bare = [j.name for j, own in pairs for c in own if c.name == BRAKE and c.status == Status.FAILS]
+    bare = [j.name for j, own in pairs for c in own if c.name == BRAKE and c.fails]
     if bare and not catalog.brakes:
         found.append(
             f"{catalog.source} has no brakes, and {', '.join(bare)} would not be held without "
@@ -260,7 +258,7 @@ def _open_stop(report: SizingReport, k: int) -> list[Criterion]:
         "algebra (`stops.peaks`), all brakes closing at once",
         "momentary_peak_torque of the gear",
     )
-    fails = found.status == Status.FAILS
+    fails = found.fails
     return [replace(found, note=_DEMAND_STOPS) if fails else found]
 
 
@@ -284,7 +282,7 @@ def _of_joint(joint: JointSizing, criteria: tuple[Criterion, ...], doubted: bool
     ended = () if joint.unloaded else (Status.PASSES, Status.FAILS)
     judged = (c for c in criteria if c.status in ended and c.scaled)
     tightest = min(judged, key=lambda c: c.margin or 0.0, default=None)
-    failed, state, why = [c for c in criteria if c.status == Status.FAILS], JointState.SIGNED, ""
+    failed, state, why = [c for c in criteria if c.fails], JointState.SIGNED, ""
     failing = tuple(_failing(joint.name, failed))
     taken = joint.choice
     if joint.unloaded:
@@ -317,5 +315,5 @@ def _failing(whose: str, criteria: Iterable[Criterion]) -> list[str]:
     return [
         f"{whose}: {c.why}" + (f"; {c.note}" if c.note and c.note not in c.why else "")
         for c in criteria
-        if c.status == Status.FAILS
+        if c.fails
     ]

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
-from pinfric.drives.criterion import Criterion, Status
+from pinfric.drives.criterion import Criterion
 from pinfric.errors import StopError, TrajectoryError
 from pinfric.model.brakes import BRAKE_PEAK
 from pinfric.model.brief import file_name, screen
@@ -97,7 +97,7 @@ class StopResult(Shown):
             f"{axis.name}: {c.why}" + (f"; {c.note}" if c.note not in c.why else "")
             for axis in self.axes
             for c in axis.criteria
-            if c.status == Status.FAILS
+            if c.fails
         )
 
     @cached_property

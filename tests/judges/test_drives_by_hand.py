@@ -527,9 +527,7 @@ def wave_generator():
 
     At twice the speed half of it, at half the torque eight times.
     """
-    found = [
-        gear_life(35_000, 209.44, 137.0, n * 209.44, T * 137.0)[0] for n, T in ((1, 1), (2, 0.5))
-    ]
+    found = [gear_life(35_000, 209.44, 137.0, n * 209.44, T * 137.0) for n, T in ((1, 1), (2, 0.5))]
     return [(found[0], 7000, 7000, 1e-9), (found[1], 7000 * 8 / 2, 28_000, 1e-9)]
 
 

@@ -200,7 +200,7 @@ _CELLS: dict[str, Callable[[SizedJoint], str]] = {
 
 def _ended(c: Criterion) -> Marked:
     """How a criterion ended, with its margin."""
-    if c.status == Status.NOT_CHECKED:
+    if c.unchecked:
         return mark("none", "not checked", c.note)
     if c.status == Status.NOT_REQUIRED:
         return mark("free", "not required", c.note)
@@ -236,7 +236,7 @@ def _remarks(
     said: dict[tuple[str, str], list[str]] = {}
     for joint in joints:
         if (taken := joint.installed) is not None:
-            noted = [c for c in taken.criteria if c.note and c.status != Status.NOT_CHECKED]
+            noted = [c for c in taken.criteria if c.note and not c.unchecked]
             lines = [(c.name, c.note) for c in noted] + [("losses", taken.losses)]
             lines += [
                 (name, text) for line in taken.stand_ins for name, _, text in [line.partition(": ")]

@@ -165,7 +165,7 @@ def elastic_lines(report: SizingReport) -> list[str]:
     if report.catalog is None:
         names = report.scene.actuator_names
         pairs = zip(names, report.reversals, strict=False)
-        asked += [f"{name}: {c.why}" for name, c in pairs if c.status != Status.FAILS]
+        asked += [f"{name}: {c.why}" for name, c in pairs if not c.fails]
     if report.elastic is None:
         return asked
     rigid = [drive.name for drive in report.scene.drives if drive.spring is None]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from pinfric.drives.criterion import Status
 from pinfric.model.brief import counted
 from pinfric.show.report.rows import table_of
 from pinfric.show.report.tables import Report, Table, paragraphs
@@ -45,7 +44,7 @@ def verdict(found: StopSummary) -> str:
     if found.path is not None:
         said += f", the tool's path within {1e3 * found.path:.0f} mm"
     every = [c for axis in found.axes for c in axis.criteria]
-    unchecked = sum(c.status == Status.NOT_CHECKED for c in every)
+    unchecked = sum(c.unchecked for c in every)
     unmet = counted(len(found.unmet), "criterion", "criteria")
     met = f"{unmet} not met" if found.unmet else "no criterion fails"
     return f"{said}; {met}, {unchecked} of {len(every)} not checked"
@@ -56,7 +55,7 @@ def not_checked(found: StopSummary) -> list[str]:
     axes: dict[tuple[str, str], list[str]] = {}
     for axis in found.axes:
         for criterion in axis.criteria:
-            if criterion.status == Status.NOT_CHECKED:
+            if criterion.unchecked:
                 axes.setdefault((criterion.name, criterion.note), []).append(axis.name)
     return [f"not checked: {name} of {', '.join(of)}: {why}" for (name, why), of in axes.items()]
 
