@@ -630,6 +630,22 @@ class DriveSearch:
                 found[:, m] = np.fmax(found[:, m], np.minimum(share, 1e9))
         return found
 
+    def _bounds(
+        self, b: int, gears: np.ndarray
+    ) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+        """Yield some gears at a time with their `margins`."""
+        step = max(1, _MOST // max(len(self.shelf.blocks[b].motor_lacks), 1))
+        for k in range(0, len(gears), step):
+            yield gears[k : k + step], *self.margins(b, gears[k : k + step])
+
+    @cached_property
+    def _complete(self) -> list[np.ndarray]:
+        """Of each block the gears of which every figure is known."""
+        return [
+            np.flatnonzero([not self.gear_lacks(block, g) for g in range(len(block.names))])
+            for block in self.shelf.blocks
+        ]
+
     @cached_property
     def gear_margins(self) -> list[np.ndarray]:
         """Of each block (ng,) the least margins of the rows of gears alone."""
@@ -644,9 +660,8 @@ class DriveSearch:
         for b, block in enumerate(self.shelf.blocks):
             mass = np.where(block.fits & block.signable, block.mass, np.nan)
             left = np.isfinite(mass).any(axis=1) & (self.gear_margins[b] >= 0)
-            for g in np.flatnonzero(left).tolist():
-                if not self.gear_lacks(block, g):
-                    gears.append((float(np.nanmin(mass[g])), b, g))
+            known = self._complete[b]
+            gears += [(float(np.nanmin(mass[g])), b, g) for g in known[left[known]].tolist()]
         gears.sort()
         ready: list[tuple[float, float, str, int, int, int, Iterator[Any]]] = []
         for k, (_, b, g) in enumerate(gears):
@@ -759,14 +774,8 @@ class DriveSearch:
         """Return the drive lighter than `below` (kg) that misses by least, none beyond a margin."""
         options: list[tuple[float, float, int, int, int]] = []
         for b, block in enumerate(self.shelf.blocks):
-            known = [g for g in range(len(block.names)) if not self.gear_lacks(block, g)]
-            step = max(1, _MOST // max(len(block.signable), 1))
-            for k in range(0, len(known), step):
-                gears = np.array(known[k : k + step])
-                gears = gears[self.gear_margins[b][gears] > worst]
-                if not len(gears):
-                    continue
-                least, mass = self.margins(b, gears)
+            known = self._complete[b]
+            for gears, least, mass in self._bounds(b, known[self.gear_margins[b][known] > worst]):
                 least = np.fmin(least, self.gear_margins[b][gears][:, None])
                 ok = (least > worst) & block.fits[gears] & block.signable & (mass < below)
                 rows, motors = np.nonzero(ok)
@@ -811,14 +820,9 @@ class DriveSearch:
                 found.setdefault(name, Ask(name, figures, mass, block.entries[g].source, kind))
             if block.at_output:
                 continue
-            known = [g for g in range(len(block.names)) if not self.gear_lacks(block, g)]
-            left = np.array([g for g in known if self.gear_margins[b][g] >= 0], dtype=np.int64)
-            step = max(1, _MOST // max(len(block.motor_lacks), 1))
-            might = np.zeros(len(block.motor_lacks), dtype=bool)
-            for k in range(0, len(left), step):
-                least, mass_ = self.margins(b, left[k : k + step])
-                heavy = mass_ >= below
-                might |= ((least >= 0) & block.fits[left[k : k + step]] & ~heavy).any(axis=0)
+            known, might = self._complete[b], np.zeros(len(block.motor_lacks), dtype=bool)
+            for gears, least, heavy in self._bounds(b, known[self.gear_margins[b][known] >= 0]):
+                might |= ((least >= 0) & block.fits[gears] & ~(heavy >= below)).any(axis=0)
             for m in np.flatnonzero(might).tolist():
                 if figures := block.motor_lacks[m]:
                     name = block.motor_names[m]
