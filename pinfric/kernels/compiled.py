@@ -86,6 +86,9 @@ def kernel(function: Callable[..., Any]) -> Callable[..., Any]:
 
     For small problems it is interpreted until compiling saves time (`interpreted`). `fastmath` is
     never used: it makes `isnan` false and reorders sums, and a norm at zero load must stay 0.
+
+    Call it from Python or from kernels: numba's own cache would keep another caller without the
+    large kernels that it needs, and end the process that reads it.
     """
     return _compiled(function, {"nogil": True, "error_model": "numpy"}, waits=True)
 
