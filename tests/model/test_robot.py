@@ -52,6 +52,14 @@ def test_a_robot_without_a_name_loads(tmp_path):
     assert read_robot(file, {}).model.nv == 1
 
 
+def test_a_file_is_read_once_and_each_caller_changes_its_own(tmp_path, monkeypatch):
+    robot = read_robot(urdf(tmp_path, link("arm"), joint("j1")), {})
+    first = robot.xml()
+    monkeypatch.setattr("pinfric.model.robot.read_xml", pytest.fail)
+    first.clear()
+    assert [j.get("name") for j in robot.xml().findall("joint")] == ["j1"]
+
+
 def test_locked_joints_are_gone_and_stay_where_they_were_put(tmp_path):
     parts = link("arm"), joint(), link("hand"), joint(name="wrist", parent="arm", child="hand")
     file = urdf(tmp_path, *parts)
