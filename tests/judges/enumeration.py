@@ -5,8 +5,6 @@ may have all three. The efforts' ends are where each site has one of these. The 
 ball is a sphere: its friction is turned towards each end, from several starts.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from itertools import product
 

@@ -13,8 +13,6 @@ what is stable. An answer is stable where a shaft with a little compliance would
     diag(slope) + I^1/2 S M^-1 S^T I^1/2 positive definite
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from itertools import combinations, islice, product
 from typing import NamedTuple

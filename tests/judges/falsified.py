@@ -1,7 +1,5 @@
 """Results of six situations, and what of them is falsified."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Joints at rest under constant friction: every set that may slip, by bounded least squares."""
 
-from __future__ import annotations
-
 from itertools import combinations
 
 import numpy as np

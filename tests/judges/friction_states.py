@@ -5,8 +5,6 @@ may have all three. The efforts' ends are where each site has one of these. Wher
 it has exactly one solution (Banach); else many starts are tried, and nothing is proved.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from itertools import product
 from typing import Any

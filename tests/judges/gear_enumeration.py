@@ -9,8 +9,6 @@ driving and the driven line of every gear that moves, accelerations follow from 
 with loads of bearings by RNEA, again until they stay. Kept is what obeys its signs and limits.
 """
 
-from __future__ import annotations
-
 import sys
 from itertools import product
 from pathlib import Path

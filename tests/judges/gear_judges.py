@@ -9,8 +9,6 @@ n the no-load torque at the joint. Modelica's LossyGear is this with eta = eta_m
 n = tau_bfa, and Coulomb friction tau_bfb at the joint (Pelchen, Schweiger, Otter 2002).
 """
 
-from __future__ import annotations
-
 from itertools import product
 from typing import NamedTuple
 

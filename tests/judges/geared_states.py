@@ -7,8 +7,6 @@ The figures of every gear are chosen here and given to both sides; M, h, loops a
 cylinders are Pinocchio's, or written out.
 """
 
-from __future__ import annotations
-
 import sys
 from collections import Counter
 from collections.abc import Callable

@@ -7,8 +7,6 @@ motions that they allow (SVD) eliminates them; the rest is least squares. Jacobi
 joint Jacobians, wrenches `data.f` of its RNEA; no kernel, no twin.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple

@@ -4,8 +4,6 @@ The judge knows nothing of pinfric: Pinocchio's rnea gives h, its Jacobians wher
 From there on all is in fractions, until the program is written, every friction in its own limit.
 """
 
-from __future__ import annotations
-
 from fractions import Fraction
 from typing import NamedTuple
 

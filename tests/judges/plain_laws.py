@@ -1,7 +1,5 @@
 """The judge's loads and friction: the formulas of `bearings` and `laws` in plain NumPy."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 

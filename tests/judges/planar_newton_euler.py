@@ -6,8 +6,6 @@ torque, from the nine equations of three bars; the pins' friction torques mu R |
 right side and the whole is repeated until nothing changes.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

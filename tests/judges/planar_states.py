@@ -7,8 +7,6 @@ Pinocchio, no pinfric. Static and kinetic friction are equal and friction contra
 acceleration obeys the laws.
 """
 
-from __future__ import annotations
-
 import sys
 import warnings
 from collections import Counter

@@ -4,8 +4,6 @@ The two share no code: one is RNEA on the wrench twin, the other eq. (1)-(17) wi
 full pivoting and the fixed-point loop over (16) and (17).
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from paper_cases import three_pins

@@ -6,6 +6,7 @@ import pytest
 from builders import chain, dry, lump, random_friction, random_states, random_tree, row
 from judges.verdict import judge
 from mechanisms import add_link, bar, four_bar, grounded_model, pin_friction, shifted
+from numpy.testing import assert_allclose, assert_array_equal
 
 import pinfric as pf
 from pinfric.dynamics.inverse.effort_maps import share_work
@@ -76,16 +77,14 @@ def test_a_cart_pole_accelerates_as_written_by_hand(seed):
     M = [[CART + POLE, -ARM * sine], [-ARM * sine, INERTIA]]
     by_hand = np.linalg.solve(M, [u + slide + ARM * cosine * v[1] ** 2, turn - ARM * G * cosine])
     for found in (pf.forward_dynamics(scene, q, v, [u]), scene.solver().forward(q, v, [u])):
-        np.testing.assert_allclose(found.a, by_hand, rtol=1e-12)
+        assert_allclose(found.a, by_hand, rtol=1e-12)
     left, size = power_left(scene, q, v, [u], found)
     assert left <= 1e-12 * size
     back = pf.inverse_dynamics(scene, q, v, by_hand)
-    np.testing.assert_allclose(back.effort_lower, [[u]], rtol=1e-9, atol=1e-12)
+    assert_allclose(back.effort_lower, [[u]], rtol=1e-9, atol=1e-12)
     assert back.effort_upper == pytest.approx(back.effort_lower)
     assert judge(back).passed()
-    np.testing.assert_array_equal(
-        scene.solver().inverse(q, v, by_hand).effort_lower, back.effort_lower[0]
-    )
+    assert_array_equal(scene.solver().inverse(q, v, by_hand).effort_lower, back.effort_lower[0])
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -99,7 +98,7 @@ def test_a_tree_with_some_drives_goes_there_and_back(seed):
     tau[driven] = u
     plain = pf.Scene(model=model, actuators=actuators)
     aba = pin.aba(model, model.createData(), q, v, tau)
-    np.testing.assert_allclose(pf.forward_dynamics(plain, q, v, u).a, aba, rtol=1e-9, atol=1e-9)
+    assert_allclose(pf.forward_dynamics(plain, q, v, u).a, aba, rtol=1e-9, atol=1e-9)
     light = {"mu": {"static": 0.03, "kinetic": 0.02}}  # no joint jams
     friction = {name: {**f, **light} for name, f in random_friction(model, seed).items()}
     scene = plain.with_(friction=friction)
@@ -107,7 +106,7 @@ def test_a_tree_with_some_drives_goes_there_and_back(seed):
     left, size = power_left(scene, q, v, u, found)
     assert left <= 1e-10 * size
     back = pf.inverse_dynamics(scene, q, v, found.a)
-    np.testing.assert_allclose(back.effort_lower, u[None], rtol=1e-9, atol=1e-9)
+    assert_allclose(back.effort_lower, u[None], rtol=1e-9, atol=1e-9)
     assert judge(back).passed()
     assert back.actuator_velocity.tolist() == [v[driven].tolist()]
 
@@ -152,7 +151,7 @@ def test_a_pole_swung_without_gravity_needs_no_drive_whatever_its_digits():
     q, v = np.array([0.0, 0.4]), np.array([0.5, 3.0])
     a = pf.forward_dynamics(scene, q, v, np.array([5.0])).a
     found = pf.inverse_dynamics(scene, q, v, a.round(6))
-    np.testing.assert_allclose(found.effort_lower, [[5.0]], rtol=1e-6)
+    assert_allclose(found.effort_lower, [[5.0]], rtol=1e-6)
     with pytest.raises(UndrivenMotionError, match="pole"):
         pf.inverse_dynamics(scene, q, v, a.round(2))
 
@@ -163,7 +162,7 @@ def test_friction_at_rest_of_an_undriven_joint_is_what_balances_it():
     q, still = np.array([0.0, 0.3]), np.zeros(2)
     found = pf.inverse_dynamics(scene, q, still, still)
     torque = ARM * G * np.cos(0.3)
-    np.testing.assert_allclose([found.friction_lower, found.friction_upper], torque, rtol=1e-12)
+    assert_allclose([found.friction_lower, found.friction_upper], torque, rtol=1e-12)
     assert judge(found).passed()
     assert pf.holds(scene, q, [0.0]).held
     assert pf.holds(scene, q, [0.0]).use == pytest.approx(torque / 2.0)
@@ -191,7 +190,7 @@ def test_a_mechanism_without_drives_keeps_its_energy():
     ]
     kinetic = pin.computeKineticEnergy(scene.model, data, motion.q[-1], motion.v[-1])
     assert kinetic > 0.1
-    np.testing.assert_allclose(energy, energy[0], atol=1e-7 * kinetic)
+    assert_allclose(energy, energy[0], atol=1e-7 * kinetic)
     assert motion.summary().empty
     found = pf.inverse_dynamics(scene, motion)
     assert found.summary().empty
@@ -231,7 +230,7 @@ def test_a_hanging_bucket_lets_the_boom_be_computed_at_rest_and_says_it_is_a_bou
     torque = 2.0 * G * 0.5 * np.cos(0.4) + 0.7 * G * np.cos(0.4)
     part = 1.0 / (1.0 + ram_lever(0.4) ** 2)
     middle = (found.effort_lower + found.effort_upper) / 2
-    np.testing.assert_allclose(middle[0, 0], part * torque, rtol=1e-9)
+    assert_allclose(middle[0, 0], part * torque, rtol=1e-9)
 
 
 def test_two_motors_on_one_joint_share_as_stated():
@@ -247,16 +246,16 @@ def test_two_motors_on_one_joint_share_as_stated():
     whole, found = pf.inverse_dynamics(one, q, v, a), pf.inverse_dynamics(two, q, v, a)
     for name in ("effort_lower", "effort_upper", "effort_frictionless"):
         cart, pole = getattr(whole, name)[0]
-        np.testing.assert_allclose(getattr(found, name)[0], [0.3 * cart, 0.7 * cart, pole])
+        assert_allclose(getattr(found, name)[0], [0.3 * cart, 0.7 * cart, pole])
     assert found.effort_lower[0, 0] < found.effort_upper[0, 0]
     assert judge(found).passed()
     v[0] = 0.4
     effort = pf.inverse_dynamics(two, q, v, a).effort_lower[0]
-    np.testing.assert_allclose(pf.forward_dynamics(two, q, v, effort).a, a, rtol=1e-12)
+    assert_allclose(pf.forward_dynamics(two, q, v, effort).a, a, rtol=1e-12)
     left, size = power_left(two, q, v, effort, pf.forward_dynamics(two, q, v, effort))
     assert left <= 1e-12 * size
     unsaid = one.with_(actuators=[*drives[:2], {**drives[2], "share": None}])
-    np.testing.assert_allclose(pf.forward_dynamics(unsaid, q, v, effort).a, a, rtol=1e-12)
+    assert_allclose(pf.forward_dynamics(unsaid, q, v, effort).a, a, rtol=1e-12)
     for ask in (unsaid.solver().inverse, lambda *s: pf.inverse_dynamics(unsaid, *s)):
         with pytest.raises(SceneError, match="a `share`, or keep only 1 of left, r"):
             ask(q, v, a)
@@ -269,14 +268,14 @@ def test_a_cylinder_and_a_motor_on_one_joint_share_by_their_levers():
     levers = np.array([1.0, ram_lever(angle)])
     by_hand = shares * levers * tau / (shares @ levers**2)
     found = pf.inverse_dynamics(boom(shares), [angle], [0.7], [a])
-    np.testing.assert_allclose(found.effort_lower[0], by_hand, rtol=1e-12)
+    assert_allclose(found.effort_lower[0], by_hand, rtol=1e-12)
     assert judge(found).passed()
     rubs = {"boom": dry(3.0, 2.0)}
     rest = pf.inverse_dynamics(boom(shares, friction=rubs), [angle], [0.0], [a])
     for end, side in ((rest.effort_lower, -3.0), (rest.effort_upper, 3.0)):
-        np.testing.assert_allclose(end[0], by_hand * (1.0 + side / tau), rtol=1e-12)
+        assert_allclose(end[0], by_hand * (1.0 + side / tau), rtol=1e-12)
     back = pf.forward_dynamics(boom(), np.array([angle]), np.array([0.7]), by_hand)
-    np.testing.assert_allclose(back.a, [a], rtol=1e-12)
+    assert_allclose(back.a, [a], rtol=1e-12)
 
 
 @pytest.mark.parametrize("kind", ["planar_pin", "revolute"])
@@ -295,12 +294,12 @@ def test_three_motors_of_a_four_bar_are_what_lstsq_makes_of_one_freedom(kind):
     tau = v[0] @ pin.rnea(scene.model, scene.model.createData(), q, v[0], a[0])
     root = np.sqrt(shares)
     free = root * np.linalg.lstsq((rates * root)[None], [tau], rcond=None)[0]
-    np.testing.assert_allclose(found.effort_frictionless[0], free, rtol=1e-9)
+    assert_allclose(found.effort_frictionless[0], free, rtol=1e-9)
     lost = working_rates(scene, q[None], v)[1][0] @ found.friction_lower[0]
     with_friction = root * np.linalg.lstsq((rates * root)[None], [tau - lost], rcond=None)[0]
-    np.testing.assert_allclose(found.effort_lower[0], with_friction, rtol=1e-9)
+    assert_allclose(found.effort_lower[0], with_friction, rtol=1e-9)
     back = pf.forward_dynamics(scene, q, v[0], found.effort_lower[0])
-    np.testing.assert_allclose(back.a, a[0], rtol=1e-9, atol=1e-9)
+    assert_allclose(back.a, a[0], rtol=1e-9, atol=1e-9)
 
 
 def test_what_sharing_leaves_free_moves_no_drive_in_any_basis():
@@ -317,10 +316,10 @@ def test_what_sharing_leaves_free_moves_no_drive_in_any_basis():
     free = np.hstack((moving, still)) @ chance.normal(size=(tables.shifts + still.shape[1],) * 2)
     left = np.empty((ny, free.shape[1] - tables.shifts))
     assert share_work(tables, plan.entries, total, J, free, y, left)
-    np.testing.assert_allclose(by_y @ left, 0.0, atol=1e-12)
+    assert_allclose(by_y @ left, 0.0, atol=1e-12)
     assert np.linalg.matrix_rank(left) == still.shape[1]
     effort = by_y @ y[:, 0] + tables.delivery @ total
-    np.testing.assert_allclose((by_y @ moving).T @ (tables.cost * effort), 0.0, atol=1e-12)
+    assert_allclose((by_y @ moving).T @ (tables.cost * effort), 0.0, atol=1e-12)
 
 
 def test_two_motors_at_the_joint_that_closes_a_loop():
@@ -330,7 +329,7 @@ def test_two_motors_at_the_joint_that_closes_a_loop():
     q = scene.close(np.array([0.5, 1.0, 0.5]))
     v, a = pf.consistent_motion(scene, q[None], ["O"], [[1.0]], [[0.3]])
     whole, found = (pf.inverse_dynamics(s, q, v, a) for s in (single, double))
-    np.testing.assert_allclose(found.effort_lower, whole.effort_lower * [0.2, 0.8], rtol=1e-9)
+    assert_allclose(found.effort_lower, whole.effort_lower * [0.2, 0.8], rtol=1e-9)
     assert judge(found).passed()
 
 
@@ -404,7 +403,7 @@ def test_efforts_by_name_do_not_depend_on_an_order():
 def test_a_simulation_takes_efforts_by_name(effort):
     scene, zero = listed_backwards(), np.zeros(2)
     motion = pf.simulate(scene, zero, zero, effort, 1.0)
-    np.testing.assert_allclose(motion.q[-1], 0.5 * np.array(BY_HAND), rtol=1e-9)
+    assert_allclose(motion.q[-1], 0.5 * np.array(BY_HAND), rtol=1e-9)
 
 
 def test_a_function_that_names_no_drive_says_so():

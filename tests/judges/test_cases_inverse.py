@@ -4,8 +4,6 @@ Every case is there for a safeguard. Each comment names it and what happens when
 as tried once by editing the source.
 """
 
-from __future__ import annotations
-
 from contextlib import nullcontext
 
 import numpy as np
@@ -31,6 +29,7 @@ from cases import (
 from judges.planar_newton_euler import FourBar, crank_torque
 from judges.verdict import judge
 from mechanisms import pin_friction
+from numpy.testing import assert_allclose, assert_array_equal
 
 import pinfric as pf
 from pinfric.dynamics.samples.outcome import Status
@@ -155,7 +154,7 @@ def test_pins_a_micrometre_and_a_thousand_kilometres_long(length):
     assert is_sound(result)
     if length > 1:  # moments have no lever left: a pin without length
         plain = turning_four_bar(24, "B", "revolute", gravity=gravity).inverse()
-        np.testing.assert_allclose(result.effort_lower, plain.effort_lower, rtol=1e-6, atol=1e-9)
+        assert_allclose(result.effort_lower, plain.effort_lower, rtol=1e-6, atol=1e-9)
     else:
         assert np.nanmax(np.abs(result.normal_load)) > 1e3  # 1 N m across 1 micrometre
 
@@ -164,7 +163,7 @@ def test_pins_a_micrometre_and_a_thousand_kilometres_long(length):
 # array of no size.
 def test_pins_of_radius_zero_have_no_friction():
     result = turning_four_bar(30, friction=pin_friction(0.3, radius=0.0)).inverse()
-    np.testing.assert_array_equal(result.effort_lower, result.effort_frictionless)
+    assert_array_equal(result.effort_lower, result.effort_frictionless)
     assert (result.friction_upper == 0).all()
     assert is_sound(result)
 
@@ -203,7 +202,7 @@ def test_thrust_rings_that_nothing_loads():
     assert result.contraction.min() < 1 < result.contraction.max()
     assert (result.status == Status.CONVERGED).all()
     plain = turning_four_bar(24, "B", "revolute", friction=pin_friction(1.3, 0.05)).inverse()
-    np.testing.assert_allclose(result.effort_lower, plain.effort_lower, rtol=1e-12)
+    assert_allclose(result.effort_lower, plain.effort_lower, rtol=1e-12)
 
 
 def test_constant_friction_loads_pins_that_nothing_else_loads():
@@ -255,7 +254,7 @@ def test_redundant_loops_under_gravity_out_of_the_plane():
         assert is_sound(result)
         efforts.append(result.effort_lower)
     for other in efforts[1:]:
-        np.testing.assert_allclose(other, efforts[0], atol=1e-9)
+        assert_allclose(other, efforts[0], atol=1e-9)
 
 
 # Safeguard: a sign change between two samples is a passage through rest. Without: no sample has an
@@ -316,7 +315,7 @@ def test_uneven_steps_do_not_change_what_is_time_weighted():
     keep = np.sort(np.random.default_rng(0).choice(4001, 2500, replace=False))
     keep = np.unique(np.concatenate([[0, 4000], keep[keep > 1000], np.arange(0, 1000, 2)]))
     uneven = pf.inverse_dynamics(case.scene, case.q[keep], case.v[keep], case.a[keep], t=t[keep])
-    np.testing.assert_allclose(uneven.effort_frictionless, even.effort_frictionless[keep])
+    assert_allclose(uneven.effort_frictionless, even.effort_frictionless[keep])
     assert summarize(uneven)[0].rms == pytest.approx(summarize(even)[0].rms, rel=1e-3)
 
 
@@ -330,7 +329,7 @@ def test_gravity_misaligned_with_the_plane():
     # out of the plane nothing moves: the two ground pins carry the weight's part along z
     ground = [result.site_names.index(name) for name in "OC"]
     along = result.wrench[:, ground, 2].sum(axis=1)
-    np.testing.assert_allclose(along, -(0.5 + 1.2 + 0.9) * 1.2, rtol=1e-12)
+    assert_allclose(along, -(0.5 + 1.2 + 0.9) * 1.2, rtol=1e-12)
 
 
 # Safeguard: pivots are compared with the levers' size: rounding is no lever. Without: JAMMED.

@@ -4,8 +4,6 @@ F the push, x = -mu c(F) the friction: F = m a - x and c = sqrt(w^2 + (2 F e / L
 pass of the fixed point leaves rate = mu (2 e / L)^2 F / c of the error, below mu / critical mu.
 """
 
-from __future__ import annotations
-
 import dataclasses
 
 import coupled as module

@@ -1,13 +1,12 @@
 """Coupled drives: a motor that other joints turn, too (wrists), against closed forms and judges."""
 
-from __future__ import annotations
-
 from itertools import product
 from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
 import pytest
+import yaml
 from builders import dry, gantry, lump, random_friction, random_states, random_tree
 from judges.verdict import judge
 from mechanisms import pin_friction, shifted
@@ -20,17 +19,16 @@ from pinfric.errors import PinfricError, SceneError
 from pinfric.model.couples import rate_rows
 from pinfric.motions.summary import rests, sites_on
 
-_LOSSY = {
-    "ratio": -30.0,
-    "efficiency": 0.8,
-    "back_efficiency": 0.7,
-    "rotor_inertia": 2e-4,
-    "no_load_torque": {
-        "positive": {"static": 0.013, "kinetic": 0.01},
-        "negative": {"static": 0.02, "kinetic": 0.02},
-    },
-    "motor_viscous": {"coefficient": 0.003, "exponent": 0.7},
-}
+_LOSSY = yaml.safe_load("""
+ratio: -30.0
+efficiency: 0.8
+back_efficiency: 0.7
+rotor_inertia: 0.0002
+no_load_torque:
+  positive: {static: 0.013, kinetic: 0.01}
+  negative: {static: 0.02, kinetic: 0.02}
+motor_viscous: {coefficient: 0.003, exponent: 0.7}
+""")
 
 
 def _arm(seed: int, friction: bool = True, **gear: object) -> pf.Scene:

@@ -1,13 +1,13 @@
 """Friction along cylinders (seals), by virtual work: the drive's and friction's power is F L'."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest
+import yaml
 from builders import dry
 from judges.verdict import judge
 from mechanisms import pin_friction, shifted
+from numpy.testing import assert_allclose
 
 import pinfric as pf
 from pinfric.errors import SceneError
@@ -25,12 +25,12 @@ RAM = {
         "b": {"link": "boom", "xyz": list(B)},
     }
 }
-SEAL = {
-    "bearing": {"kind": "seal", "preload": 10.0},
-    "mu": {"static": 0.06, "kinetic": 0.05},
-    "coulomb": {"static": 300.0, "kinetic": 200.0},
-    "viscous": {"coefficient": 80.0, "exponent": 0.5},
-}
+SEAL = yaml.safe_load("""
+bearing: {kind: seal, preload: 10.0}
+mu: {static: 0.06, kinetic: 0.05}
+coulomb: {static: 300.0, kinetic: 200.0}
+viscous: {coefficient: 80.0, exponent: 0.5}
+""")
 PIN = pin_friction(0.1, 0.03, static=0.15)
 
 
@@ -135,7 +135,7 @@ def test_a_slide_in_line_with_its_cylinder_stops_and_stays(method, tolerance):
     scene = pf.Scene(model=model, friction=friction, actuators=[ram])
     motion = pf.simulate(scene, [0.0], [1.0], [0.0], 1.0, method)
     moved = np.minimum(motion.t, 0.5)
-    np.testing.assert_allclose(motion.q[:, 0], moved - moved**2, rtol=0, atol=tolerance)
+    assert_allclose(motion.q[:, 0], moved - moved**2, rtol=0, atol=tolerance)
     assert motion.v[-1, 0] == 0.0
     assert [(event.name, event.kind) for event in motion.events] == [("ram", "stick")]
 
@@ -199,7 +199,7 @@ def test_seals_on_the_excavators_cylinders_rub_beside_its_pins():
     assert (more[moves] > 200.0).all()
     for i in np.flatnonzero(moves):
         again = pf.forward_dynamics(rubbing, q[i], v[i], found.effort_lower[i])
-        np.testing.assert_allclose(again.a, a[i], rtol=0, atol=1e-9)
+        assert_allclose(again.a, a[i], rtol=0, atol=1e-9)
     bare = with_effects(rubbing, without=["load", "coulomb", "viscous"])
     assert bare.site_names == ()
 
@@ -207,10 +207,10 @@ def test_seals_on_the_excavators_cylinders_rub_beside_its_pins():
 def test_a_replays_ring_lies_round_the_line_of_the_cylinder():
     scene = boom({"ram": SEAL})
     marker = site_marker(scene, scene.sites[0], robot_shapes(scene), 1.0)
-    np.testing.assert_allclose(marker.placement.translation, B)
-    np.testing.assert_allclose(marker.placement.rotation[:, 2], (B - A) / np.linalg.norm(B - A))
+    assert_allclose(marker.placement.translation, B)
+    assert_allclose(marker.placement.rotation[:, 2], (B - A) / np.linalg.norm(B - A))
     rates = site_rates(scene, np.array([[0.0]]), np.array([[0.7]]))
-    np.testing.assert_allclose(rates[0, 0], [0.0, 0.0, 0.7 * line(0.0)[1]])
+    assert_allclose(rates[0, 0], [0.0, 0.0, 0.7 * line(0.0)[1]])
 
 
 @pytest.mark.parametrize(

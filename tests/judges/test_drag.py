@@ -1,11 +1,10 @@
 """Joints without dry friction, and drag in time steps: closed forms of a block on a slide."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest
 from builders import chain, lump
+from numpy.testing import assert_allclose
 from scipy.optimize import brentq
 
 import pinfric as pf
@@ -87,7 +86,7 @@ def test_drag_of_the_load_brakes_from_rest_and_after_it_turned(method):
     found = pf.simulate(loaded(mu), [0.0], [1.0], lambda t, q, v: -k * q, 2.0, method)
     w = np.sqrt(k / M - c**2 / 4)
     wanted = np.exp(-c * found.t / 2) * np.sin(w * found.t) / w
-    np.testing.assert_allclose(found.q[:, 0], wanted, rtol=0, atol=near["rel"] / w)
+    assert_allclose(found.q[:, 0], wanted, rtol=0, atol=near["rel"] / w)
     assert found.energy().friction_loss[0] > 0.3 * M / 2
 
 
@@ -111,7 +110,7 @@ def test_a_root_of_the_speed_does_not_chatter(dt):
     assert (np.diff(found.v[:, 0]) <= 0.0).all()
     assert found.v[-1, 0] < 1e-3
     wanted = np.maximum(1.0 - found.t / (2 * M), 0.0) ** 2
-    np.testing.assert_allclose(found.v[:, 0], wanted, rtol=0, atol=0.3 * dt)
+    assert_allclose(found.v[:, 0], wanted, rtol=0, atol=0.3 * dt)
 
 
 @pytest.mark.parametrize("exponent", [0.3, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0])

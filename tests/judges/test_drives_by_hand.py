@@ -11,8 +11,6 @@ Every drive is a row of numbers; the arithmetic stands once below its table, in 
 It shares no code with pinfric, which gets a scene, a motion and a catalogue.
 """
 
-from __future__ import annotations
-
 from itertools import pairwise
 from math import exp, pi, sqrt
 from types import SimpleNamespace

@@ -1,7 +1,5 @@
 """Gears against every mode times every line: random machines, closed forms, a compliant shaft."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 
@@ -12,6 +10,7 @@ from builders import chain, dry, lump
 from judges.every_line import Gear, Loss, System, answers
 from judges.geared_states import KINDS, compare, plain_gear
 from judges.test_gears import WORM, hoist
+from numpy.testing import assert_allclose
 
 import pinfric as pf
 from pinfric.dynamics.forward.workspace import Workspace
@@ -54,7 +53,7 @@ def test_what_locks_beside_what_slips_is_held(kind, seed):
     """
     says, (a, wanted) = compare(kind, seed)
     assert says == "same: 1 answers, 1 stable"
-    np.testing.assert_allclose(a, wanted, rtol=1e-9, atol=1e-12)
+    assert_allclose(a, wanted, rtol=1e-9, atol=1e-12)
 
 
 @pytest.mark.parametrize(("kind", "seed", "many"), [("couples", 126, 2), ("couples", 128, 4)])
@@ -149,7 +148,7 @@ def test_with_the_rotors_that_a_refusal_names_there_is_one_answer(kind, seed, co
         if certain:
             (answer,) = answers(system._replace(gears=gears))
             found = pf.forward_dynamics(changed, q, v, motor_torque=torque)
-            np.testing.assert_allclose(found.a, answer.a, rtol=1e-6, atol=1e-9)
+            assert_allclose(found.a, answer.a, rtol=1e-6, atol=1e-9)
             assert answer.stable
 
 
@@ -290,7 +289,7 @@ def test_the_stable_answer_is_one_that_slips_more_than_another():
     )
     still, torque = np.zeros(2), np.array([u / 50, push])
     found = pf.forward_dynamics(scene, still, still, motor_torque=torque)
-    np.testing.assert_allclose(found.a, wanted, rtol=1e-10)
+    assert_allclose(found.a, wanted, rtol=1e-10)
     assert found.answers == 2
     friction = np.array([0.0, kinetic])
     for delivered in (h[0], 0.5 * h[0]):
@@ -301,7 +300,7 @@ def test_the_stable_answer_is_one_that_slips_more_than_another():
         assert path[3][-1] == pytest.approx(found.effort[0], rel=1e-3)
     for method in "event", "timestepping":
         motion = pf.simulate(scene, still, still, None, 0.1, method, motor_torque=torque)
-        np.testing.assert_allclose(motion.v[-1], 0.1 * wanted, rtol=1e-9)
+        assert_allclose(motion.v[-1], 0.1 * wanted, rtol=1e-9)
 
 
 @pytest.mark.slow
@@ -378,7 +377,7 @@ def test_time_stepping_jams_where_events_do(kind, seeds):
                 found.append((np.zeros(len(v)), problem.time))
         (events, first), (steps, second) = found
         assert (first == second == np.inf) or abs(first - second) < 2e-3, seed
-        np.testing.assert_allclose(steps, events, atol=0.02 * max(1.0, np.abs(events).max()))
+        assert_allclose(steps, events, atol=0.02 * max(1.0, np.abs(events).max()))
         jams += first < np.inf
     assert jams >= len(seeds) // 4
 
@@ -398,7 +397,7 @@ def test_what_others_hold_does_not_break_away():
         for t_end in (0.05, 0.2)
     ]
     assert np.abs(ends[1] - ends[0]).max() > 0.1
-    np.testing.assert_allclose(found.effort[-1], ends[1], rtol=0, atol=2e-3)
+    assert_allclose(found.effort[-1], ends[1], rtol=0, atol=2e-3)
 
 
 # ---------------------------------------------------------------- what a gear at rest holds
@@ -415,9 +414,9 @@ def test_a_gear_that_locks_at_small_loads_holds_islands():
     room = np.empty((20, 2))
     for u in np.linspace(-40.0, 40.0, 81) + 0.123:
         count = held_efforts(gears, 0, u, room)
-        np.testing.assert_allclose(room[:count], plain_gear(entry).held(u), rtol=1e-12)
+        assert_allclose(room[:count], plain_gear(entry).held(u), rtol=1e-12)
     count = held_efforts(gears, 0, -5.0, room)
-    np.testing.assert_allclose(room[:count], [[-28.75, -5.0 / 3.0], [5.0, 16.25]])
+    assert_allclose(room[:count], [[-28.75, -5.0 / 3.0], [5.0, 16.25]])
 
 
 def test_the_judge_finds_both_answers_of_a_worm_and_which_lasts():
@@ -430,7 +429,7 @@ def test_the_judge_finds_both_answers_of_a_worm_and_which_lasts():
     found = sorted((float(a[0]), stable) for a, _, stable in answers(system))
     by_hand = sorted(((a, slope > 0.0) for slope, (a, _) in lowered(-15.0).items()))
     assert [stable for _, stable in found] == [stable for _, stable in by_hand]
-    np.testing.assert_allclose([a for a, _ in found], [a for a, _ in by_hand], rtol=1e-12)
+    assert_allclose([a for a, _ in found], [a for a, _ in by_hand], rtol=1e-12)
 
 
 # ---------------------------------------------------------------- bad input

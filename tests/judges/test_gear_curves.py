@@ -1,20 +1,26 @@
 """Gears as their makers give them in forward dynamics, and screws in cylinders that rub."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
+import yaml
 from builders import dry, random_states, random_tree
 
 import pinfric as pf
 
 #: Efficiencies of one gear over load (N m at the output) and motor speed (rad/s).
-CURVES = {
-    "over_load": [[2.0, 0.35], [8.0, 0.58], [25.0, 0.71]],
-    "speed": 30.0,
-    "load": 25.0,
-    "over_speed": [[15.0, 0.76], [30.0, 0.71], [60.0, 0.64], [110.0, 0.57]],
-}
+CURVES = yaml.safe_load("""
+over_load:
+- [2.0, 0.35]
+- [8.0, 0.58]
+- [25.0, 0.71]
+speed: 30.0
+load: 25.0
+over_speed:
+- [15.0, 0.76]
+- [30.0, 0.71]
+- [60.0, 0.64]
+- [110.0, 0.57]
+""")
 NO_LOAD = {
     "positive": {"static": 0.02, "kinetic": 0.012},
     "negative": {"static": 0.016, "kinetic": 0.010},

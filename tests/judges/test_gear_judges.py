@@ -13,6 +13,7 @@ from judges.gear_judges import (
     smoothed,
     spun_down,
 )
+from numpy.testing import assert_allclose
 
 #: Modelica.Mechanics.Rotational.Examples.LossyGearDemo1 and 2 as `sine_against_load`.
 DEMO = {
@@ -40,9 +41,9 @@ def test_the_closed_forms_of_lossy_gears_are_the_published_curves(demo):
     found = sine_against_load(*DEMO[demo])
     times, angles, rate = PUBLISHED[demo]
     events = [found[0].end, found[1].start, found[1].end, found[2].start]
-    np.testing.assert_allclose(events, times, rtol=0, atol=1e-7)
+    assert_allclose(events, times, rtol=0, atol=1e-7)
     ends = np.array([stretch.at(stretch.end) for stretch in found])
-    np.testing.assert_allclose(ends[:, 0], angles, rtol=0, atol=1e-8)
+    assert_allclose(ends[:, 0], angles, rtol=0, atol=1e-8)
     assert ends[2, 1] == pytest.approx(rate, abs=5e-8)
 
 
@@ -80,7 +81,7 @@ def test_a_stiff_integrator_agrees_where_the_mesh_reverses_on_the_way():
     by_hand = follow(path, times)
     assert by_hand[1].min() > 0.5  # it moves forward all the time
     stiff = smoothed(M, lambda t: 0.0, lambda t: 2.0 - 4.0 * t, gear, 3.0, 1.5, 1e-3, times)
-    np.testing.assert_allclose(stiff, by_hand, rtol=1e-7)
+    assert_allclose(stiff, by_hand, rtol=1e-7)
 
 
 def test_what_one_joint_does_follows_from_trying_which_side_drives():

@@ -4,8 +4,6 @@ What holds a robot at rest are the torques between the ends of inverse dynamics,
 modes nor guards. So the first slip is when the first torque leaves its interval.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from builders import geared_arm, random_states

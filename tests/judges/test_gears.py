@@ -1,7 +1,5 @@
 """Gears in forward dynamics: closed forms, inverse after forward, where self-locking gears jam."""
 
-from __future__ import annotations
-
 from itertools import product
 from pathlib import Path
 

@@ -3,8 +3,6 @@
 The closed forms are those of `gear_judges`, each derived where it stands.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from builders import geared_arm, random_states
@@ -20,6 +18,7 @@ from judges.gear_judges import (
 from judges.test_cylinder_friction import ARM, INERTIA, PIN, RAM, SEAL, G, M, boom, line, needed
 from judges.test_gear_judges import DEMO, PUBLISHED
 from judges.test_gears import LOSSY, WORM, hoist
+from numpy.testing import assert_allclose, assert_array_equal
 
 import pinfric as pf
 from pinfric.dynamics.forward import holds as holds_module
@@ -71,15 +70,15 @@ def test_lossy_gears_follow_the_closed_forms_and_the_published_curves(demo):
     wanted = [by_hand[0].end, by_hand[1].start, by_hand[1].end, by_hand[2].start]
     times = [event.time for event in found.events][-4:]
     assert [event.kind for event in found.events][-4:] == ["stick", "slip", "stick", "slip"]
-    np.testing.assert_allclose(times, wanted, rtol=0, atol=1e-9)
+    assert_allclose(times, wanted, rtol=0, atol=1e-9)
     q, v = follow(by_hand, found.t)
-    np.testing.assert_allclose(found.q[:, 0], q, rtol=0, atol=1e-9)
-    np.testing.assert_allclose(found.v[:, 0], v, rtol=0, atol=2e-8 * np.abs(v).max())
-    np.testing.assert_allclose(times, PUBLISHED[demo][0], rtol=0, atol=1e-7)
+    assert_allclose(found.q[:, 0], q, rtol=0, atol=1e-9)
+    assert_allclose(found.v[:, 0], v, rtol=0, atol=2e-8 * np.abs(v).max())
+    assert_allclose(times, PUBLISHED[demo][0], rtol=0, atol=1e-7)
     assert found.v[-1, 0] == pytest.approx(PUBLISHED[demo][2], abs=5e-8)
     assert {event.name for event in found.events} == {"motor"}  # no site is there
     lost = heat(by_hand, gear)  # below the stick velocity, too: only what stands still loses none
-    np.testing.assert_allclose(found.energy().gear_loss, [lost, 0.0], rtol=1e-11, atol=1e-15)
+    assert_allclose(found.energy().gear_loss, [lost, 0.0], rtol=1e-11, atol=1e-15)
 
 
 def test_a_mesh_that_carries_nothing_does_not_chatter():
@@ -136,8 +135,8 @@ def test_a_flywheel_spins_down_and_its_mesh_reverses_as_by_hand(method, near):
     )
     assert not found.events  # a kink of the right side, nothing more
     wanted = follow(by_hand, found.t)
-    np.testing.assert_allclose(found.q[:, 0], wanted[0], rtol=near)
-    np.testing.assert_allclose(found.v[:, 0], wanted[1], rtol=near, atol=near)
+    assert_allclose(found.q[:, 0], wanted[0], rtol=near)
+    assert_allclose(found.v[:, 0], wanted[1], rtol=near, atol=near)
 
 
 def test_a_worm_lowers_at_constant_speed_and_locks_when_the_motor_stops():
@@ -188,8 +187,8 @@ def test_a_regularized_gear_moves_as_a_stiff_integrator_of_its_smoothed_law(tran
     )
     q, v = smoothed(10.0, lambda t: 98.1, u, gear, 0.1, 0.8, 1e-3, found.t)
     assert v.min() < -0.05 < 0.1 <= v.max()
-    np.testing.assert_allclose(found.q[:, 0], q, rtol=0, atol=1e-6)
-    np.testing.assert_allclose(found.v[:, 0], v, rtol=0, atol=1e-5)
+    assert_allclose(found.q[:, 0], q, rtol=0, atol=1e-6)
+    assert_allclose(found.v[:, 0], v, rtol=0, atol=1e-5)
 
 
 def test_the_energy_of_a_minute_of_stick_and_slip_is_accounted_for():
@@ -229,8 +228,8 @@ def test_the_energy_of_an_arm_is_accounted_for(seed):
     assert abs(energy.residual) < 1e-6 * (energy.friction_loss.sum() + energy.gear_loss.sum())
     assert min(energy.gear_loss.min(), energy.friction_loss.min(initial=0.0)) >= 0.0
     again = found.sample(found.t[10:20])
-    np.testing.assert_allclose(again.motor_torque, found.motor_torque[10:20], rtol=1e-12)
-    np.testing.assert_allclose(again.effort, found.effort[10:20], rtol=1e-6, atol=1e-6)
+    assert_allclose(again.motor_torque, found.motor_torque[10:20], rtol=1e-12)
+    assert_allclose(again.effort, found.effort[10:20], rtol=1e-6, atol=1e-6)
 
 
 # ---------------------------------------------------------------- a lead screw on a cylinder
@@ -323,10 +322,10 @@ def test_a_motion_keeps_which_was_given(tmp_path):
     assert found.energy().gear_loss[0] == motion_summary(found).energy.gear_loss["lift"]
     assert found.energy().gear_loss[0] == found.summary().loc["lift", "gear_heat"]
     t = found.a[:, 0] * 10.0 + 98.1
-    np.testing.assert_allclose(found.effort[:, 0], t, rtol=1e-12)
+    assert_allclose(found.effort[:, 0], t, rtol=1e-12)
     assert {"lift.effort", "lift.motor_torque"} <= set(found.to_dataframe().columns)
     again = pf.load_motion(found.save(tmp_path / "motion"), scene)
-    np.testing.assert_array_equal(again.motor_torque, found.motor_torque)
+    assert_array_equal(again.motor_torque, found.motor_torque)
     given = pf.simulate(scene, [0.0], [0.0], [120.0], 0.2)
     assert given.motor_torque is None
     assert (given.effort == 120.0).all()

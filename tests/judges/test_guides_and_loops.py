@@ -1,7 +1,5 @@
 """Translational joints (18-22) and closed loops: closed forms, and the reduced formulation."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A wrist whose second motor moves with the first joint, identified from a log with known truth."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

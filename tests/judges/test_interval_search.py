@@ -1,7 +1,5 @@
 """The search by interval arithmetic: roots of quadratic equations."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Forward dynamics at one instant of closed mechanisms and of drives off the joints."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest

@@ -1,7 +1,5 @@
 """Closed mechanisms in time: drift, energy, stick-slip at loop joints, all three methods."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest

@@ -5,8 +5,6 @@ rotor leaves of its law, u - I r(t) - F(t), is a function of t alone. Its roots 
 accelerations, those where it falls are stable.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from judges.geared_states import constant_gear, plain_gear

@@ -1,12 +1,13 @@
 """Loops of every kind: spatial mechanisms, cuts elsewhere, closed forms, and what is refused."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest
+import yaml
 from judges.verdict import judge
 from mechanisms import add_link, crank_rates, cut_slider_crank, grounded_model, spatial_loop
+from numpy.testing import assert_allclose
+from tables import table
 
 import pinfric as pf
 from pinfric.dynamics.samples.closure import consistent_motion, working_rates
@@ -48,7 +49,7 @@ def test_gaps_rates_and_their_derivatives_agree_with_differences(kind, seed):
     for relation in (state.gap, state.rate, state.rate_derivative):
         assert np.abs(relation[:, rows]).max() < 2e-13
     J = action_maps(twin, linkage, state.p, state.R)[1]
-    np.testing.assert_allclose(np.einsum("txv,tv->tx", J, v), state.rate, atol=1e-13)
+    assert_allclose(np.einsum("txv,tv->tx", J, v), state.rate, atol=1e-13)
 
     def later(step, rates, accelerations):
         moved = np.array(
@@ -57,11 +58,11 @@ def test_gaps_rates_and_their_derivatives_agree_with_differences(kind, seed):
         return loop_state(twin, linkage, moved, rates + step * accelerations, accelerations)
 
     derivative = (later(h, v, a).rate - later(-h, v, a).rate) / (2 * h)
-    np.testing.assert_allclose(derivative, state.rate_derivative, atol=1e-7)
+    assert_allclose(derivative, state.rate_derivative, atol=1e-7)
     # any motion from a closed place, those too that open the loop: what Newton's steps need
     w = rng.normal(size=v.shape)
     opened = (later(h, w, 0 * w).gap - later(-h, w, 0 * w).gap)[:, rows] / (2 * h)
-    np.testing.assert_allclose(opened, np.einsum("txv,tv->tx", J, w)[:, rows], atol=1e-7)
+    assert_allclose(opened, np.einsum("txv,tv->tx", J, w)[:, rows], atol=1e-7)
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -79,9 +80,9 @@ def test_power_is_balanced_and_forward_dynamics_gives_the_motion_back(kind):
     power = (result.effort_lower * v[:, index]).sum(axis=1)
     lost = (result.friction_lower * rates).sum(axis=1)
     assert (lost < 0).all()
-    np.testing.assert_allclose((tau * v).sum(axis=1), power + lost, atol=1e-12)
+    assert_allclose((tau * v).sum(axis=1), power + lost, atol=1e-12)
     back = pf.forward_dynamics(scene, q[1], v[1], result.effort_lower[1])
-    np.testing.assert_allclose(back.a, a[1], atol=1e-11)
+    assert_allclose(back.a, a[1], atol=1e-11)
 
 
 @pytest.mark.parametrize("kind", ["prismatic", "cylindrical", "universal"])
@@ -124,7 +125,7 @@ def accelerations_by_pinocchio(scene, kind, q, v, tau):
     pin.computeJointJacobians(model, data, q)
     pin.updateFramePlacements(model, data)
     left = data.oMf[ends[0]].actInv(data.oMf[ends[1]])
-    np.testing.assert_allclose(left.homogeneous, np.eye(4), atol=1e-12)
+    assert_allclose(left.homogeneous, np.eye(4), atol=1e-12)
     J = np.subtract(*(pin.getFrameJacobian(model, data, end, world) for end in ends))
     v = np.concatenate([v, np.linalg.lstsq(J[:, nv:], -J[:, :nv] @ v, rcond=None)[0]])
     assert np.abs(J @ v).max() < 1e-12
@@ -146,7 +147,7 @@ def test_accelerations_are_those_of_links_without_mass_by_pinocchio(kind):
     tau[index] = effort
     expected = accelerations_by_pinocchio(scene, kind, q[1], v[1], tau)
     found = pf.forward_dynamics(scene, q[1], v[1], effort).a
-    np.testing.assert_allclose(found, expected, atol=1e-11 * np.abs(expected).max())
+    assert_allclose(found, expected, atol=1e-11 * np.abs(expected).max())
 
 
 # ---------------------------------------------------------------- one slider-crank, four cuts
@@ -185,7 +186,7 @@ def test_a_slider_crank_cut_at_its_guide_is_the_one_cut_at_its_pins(kind, gravit
     for cut in "GAO":
         for ours, theirs in zip(found[cut], found["W"], strict=True):
             size = np.nanmax(np.abs(theirs))
-            np.testing.assert_allclose(ours, theirs, rtol=0, atol=1e-12 * size)
+            assert_allclose(ours, theirs, rtol=0, atol=1e-12 * size)
 
 
 @pytest.mark.slow
@@ -200,7 +201,7 @@ def test_a_guide_that_is_a_loop_slips_and_sticks_when_a_joint_would(drive):
     )
     assert len(theirs) > 8  # dead centres, where the guide turns round, among them
     assert [(e.name, e.kind) for e in ours] == [(e.name, e.kind) for e in theirs]
-    np.testing.assert_allclose([e.time for e in ours], [e.time for e in theirs], atol=1e-8)
+    assert_allclose([e.time for e in ours], [e.time for e in theirs], atol=1e-8)
     state = loop_state(scene.twin(), scene.linkage, motions["G"].q, motions["G"].v, motions["G"].a)
     assert np.abs(state.gap[:, scene.linkage.lambdas]).max() < 1e-13
 
@@ -241,34 +242,37 @@ def test_a_universal_joint_turns_its_shaft_as_cardan_says():
     # the first cross axis starts in the plane of the shafts
     across = 1 - np.sin(angle) ** 2 * np.cos(theta) ** 2
     ratio = np.cos(angle) / across
-    np.testing.assert_allclose(v[:, 1], ratio * rate, rtol=1e-12)
+    assert_allclose(v[:, 1], ratio * rate, rtol=1e-12)
     change = -np.cos(angle) * np.sin(angle) ** 2 * np.sin(2 * theta) / across**2 * rate**2
-    np.testing.assert_allclose(a[:, 1], change, atol=1e-12)
+    assert_allclose(a[:, 1], change, atol=1e-12)
     result = pf.inverse_dynamics(scene, q, v, a)
     torque = ratio * (0.02 * change + drag * ratio * rate)
-    np.testing.assert_allclose(result.effort_lower[:, 0], torque, atol=1e-13)
+    assert_allclose(result.effort_lower[:, 0], torque, atol=1e-13)
     # the cross turns the shaft by a moment about the normal of its axes
     moment = result.multipliers[:, 0, 3:]
-    np.testing.assert_allclose(moment[:, 2], 0.0, atol=1e-14)
-    np.testing.assert_allclose(moment[:, 0], 0.02 * change + drag * ratio * rate, atol=1e-13)
+    assert_allclose(moment[:, 2], 0.0, atol=1e-14)
+    assert_allclose(moment[:, 0], 0.02 * change + drag * ratio * rate, atol=1e-13)
     assert judge(result).equilibrium < 1e-12
 
 
 # ---------------------------------------------------------------- what is refused
 
 
+CASES = r"""
+G  {}  {kind: pin, radius: 0.01}  a pin does not fit a prismatic loop
+G  {}                                    {kind: guide, length: 0.1, 'on': parent}  exchange a and b
+G  {}  {kind: linear, axial: 0.1, radial: 0.1}  no force along its axis
+W  {kind: cylindrical}  {kind: pin, radius: 0.01}  two degrees of freedom
+W  {kind: universal, axis_b: [1, 0, 0]}  {kind: ball, radius: 0.01}                two
+W  {kind: universal}  null  a universal loop needs `axis_b`
+W  {axis_b: [1, 0, 0]}  null  a revolute loop has one axis: leave `axis_b` out
+W  {kind: universal, axis_b: [0, 0, 0]}  null  \(W\)\.axis_b: .* no direction
+"""
+
+
 @pytest.mark.parametrize(
     ("cut", "change", "friction", "says"),
-    [
-        ("G", {}, {"kind": "pin", "radius": 0.01}, "a pin does not fit a prismatic loop"),
-        ("G", {}, {"kind": "guide", "length": 0.1, "on": "parent"}, "exchange a and b"),
-        ("G", {}, {"kind": "linear", "axial": 0.1, "radial": 0.1}, "no force along its axis"),
-        ("W", {"kind": "cylindrical"}, {"kind": "pin", "radius": 0.01}, "two degrees of freedom"),
-        ("W", {"kind": "universal", "axis_b": [1, 0, 0]}, {"kind": "ball", "radius": 0.01}, "two"),
-        ("W", {"kind": "universal"}, None, "a universal loop needs `axis_b`"),
-        ("W", {"axis_b": [1, 0, 0]}, None, "a revolute loop has one axis: leave `axis_b` out"),
-        ("W", {"kind": "universal", "axis_b": [0, 0, 0]}, None, r"\(W\)\.axis_b: .* no direction"),
-    ],
+    table(CASES, str, yaml.safe_load, yaml.safe_load, str),
 )
 def test_what_loops_cannot_have_is_refused(cut, change, friction, says):
     scene, _ = cut_slider_crank(cut, friction=False)

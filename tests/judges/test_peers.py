@@ -1,7 +1,5 @@
 """MuJoCo and Drake as contestants: the benchmark's adapters simulate the same robot."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import peers

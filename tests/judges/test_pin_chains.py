@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from judges.pin_chains import random_chain
 from judges.verdict import judge
+from numpy.testing import assert_allclose
 
 import pinfric as pf
 
@@ -80,5 +81,5 @@ def test_the_range_of_each_friction_is_that_of_every_corner():
     bars = len(chain.parent)  # a loop's pin: of side a on side b here, on side a there
     low[bars:], high[bars:] = -high[bars:], -low[bars:]
     assert found.site_names == (*(f"p{b}" for b in range(bars)), "c0", "c1", "c2", "c3")
-    np.testing.assert_allclose(found.friction_lower[0], low, rtol=1e-10)
-    np.testing.assert_allclose(found.friction_upper[0], high, rtol=1e-10)
+    assert_allclose(found.friction_lower[0], low, rtol=1e-10)
+    assert_allclose(found.friction_upper[0], high, rtol=1e-10)

@@ -1,7 +1,5 @@
 """Ball joints that break away from rest, against the motion of regularized friction."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from mechanisms import three_rrs

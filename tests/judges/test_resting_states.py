@@ -3,12 +3,11 @@
 More states: `python tests/judges/resting_states.py all 0 1000`.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from judges.planar_states import Moving, random_planar_tree
 from judges.resting_states import KINDS, Bodies, Joint, compare
+from numpy.testing import assert_allclose
 
 #: What is no error: a refusal that says so, a state at a limit, one of too many modes.
 SAID = "same", "undecided", "others may exist, and do", "not judged"
@@ -60,5 +59,5 @@ def test_bodies_in_space_move_as_bars_in_the_plane():
     spin = 1e-2 * chain.mass[:, None] * np.ones(3)
     bodies = Bodies(chain.mass, raised(chain.center), spin, joints, chain.drives)
     found, plane = bodies.resting(1.0, effort), Moving(chain, np.zeros(6), effort)
-    np.testing.assert_allclose(found.rate, plane.relative, atol=1e-9)
-    np.testing.assert_allclose(found.force[::2, [0, 2]], plane.force, atol=1e-9)
+    assert_allclose(found.rate, plane.relative, atol=1e-9)
+    assert_allclose(found.force[::2, [0, 2]], plane.force, atol=1e-9)

@@ -1,7 +1,5 @@
 """Retiming with coupled drives: a gantry on two belts, and the same one with slides along them."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from builders import dry, gantry

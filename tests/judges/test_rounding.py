@@ -5,8 +5,6 @@ hard cases are therefore simulated again from states that differ by 1e-15, and o
 differ as little: the events stay the same.
 """
 
-from __future__ import annotations
-
 from contextlib import nullcontext
 
 import numpy as np

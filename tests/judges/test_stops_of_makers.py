@@ -1,7 +1,5 @@
 """Stopping times that a maker prints, beside those of its robot's scene."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest

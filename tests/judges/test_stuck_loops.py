@@ -1,13 +1,12 @@
 """What sticks stands still, exactly: by every method, at joints of the tree and of loops alike."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest
 from builders import dry
 from judges.planar_newton_euler import FourBar, bar_angles, bar_rates
 from mechanisms import FIVE_BAR, LENGTHS, five_bar, four_bar, spatial_loop
+from numpy.testing import assert_allclose
 
 import pinfric as pf
 from pinfric.model.closure import action_maps, loop_state
@@ -72,10 +71,10 @@ def test_a_stuck_pin_keeps_its_angle_wherever_the_loop_is_cut(stuck, method):
     for other_t, other_angles, other_events in found[1:]:
         assert [e[1:3] for e in other_events] == [e[1:3] for e in events]
         if method == "event":  # one motion; time stepping closes the loop of its cut, first order
-            np.testing.assert_allclose(other_t, t, rtol=0, atol=1e-9)
-            np.testing.assert_allclose(other_angles, angles, rtol=0, atol=1e-9)
+            assert_allclose(other_t, t, rtol=0, atol=1e-9)
+            assert_allclose(other_angles, angles, rtol=0, atol=1e-9)
         else:
-            np.testing.assert_allclose(other_angles, angles, rtol=0, atol=1e-3)
+            assert_allclose(other_angles, angles, rtol=0, atol=1e-3)
 
 
 # Safeguard: every step of the integrator knows what stood still in it. Without: samples taken later
@@ -109,7 +108,7 @@ def test_a_pin_that_stops_and_lets_go_stands_in_between(method, kind):
         found.append([[x.start, x.end] for x in rests])
     allowed = {"event": 1e-8, "timestepping": 0.01}[method]
     for times in found[1:]:
-        np.testing.assert_allclose(times, found[0], rtol=0, atol=allowed)
+        assert_allclose(times, found[0], rtol=0, atol=allowed)
 
 
 @pytest.mark.parametrize("cut", ["O", "A", "B", "C"])
@@ -220,12 +219,12 @@ def test_what_stands_still_is_closed_and_its_gap_is_how_far_it_has_moved(kind):
     assert np.abs(gap).max() < 1e-15
     w = rng.normal(size=scene.model.nv)
     moved = [closed(pin.integrate(scene.model, q, step * w))[0] for step in (h, -h)]
-    np.testing.assert_allclose((moved[0] - moved[1]) / (2 * h), J @ w, atol=1e-8)
+    assert_allclose((moved[0] - moved[1]) / (2 * h), J @ w, atol=1e-8)
     away = pin.integrate(scene.model, q, 0.3 * w)
     _, a, b = loop_frames(scene, away)
     apart = (a * held).actInv(b)
     expected = np.concatenate([apart.rotation.T @ apart.translation, pin.log3(apart.rotation)])
-    np.testing.assert_allclose(closed(away)[0], linkage.unit[linkage.closed] @ expected, atol=1e-13)
+    assert_allclose(closed(away)[0], linkage.unit[linkage.closed] @ expected, atol=1e-13)
     again = stand_still(plain, linkage, columns, loop_frames(scene, away)[0])
     assert (again.frame_p == linkage.frame_p).all()  # what stands already stays where it is
     assert (again.frame_R == linkage.frame_R).all()

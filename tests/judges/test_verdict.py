@@ -1,7 +1,5 @@
 """The judge notices what is wrong: each test spoils a right result, or the solver behind it."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,11 +1,10 @@
 """Derivatives of one state against differences of the solver, the opened twin, and Pinocchio."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest
 from builders import chain, dry, lump, random_friction, random_states, random_tree
+from numpy.testing import assert_allclose
 
 import pinfric as pf
 from pinfric.dynamics.derivatives.derivatives import check_differentiable
@@ -272,7 +271,7 @@ def test_loads_are_those_of_the_opened_twin(seed):
     dw = np.hstack([judge @ E for judge in (data.dtau_dq, data.dtau_dv, whole)])
     for j, judge in enumerate(dw.reshape(twin.n_joints, 6, 3 * twin.nv)):
         found = plain.oMi[j + 1].inverse().toDualActionMatrix() @ x.wrench_change[j]
-        np.testing.assert_allclose(found, judge, rtol=0, atol=1e-13 * np.abs(judge).max())
+        assert_allclose(found, judge, rtol=0, atol=1e-13 * np.abs(judge).max())
 
 
 @pytest.mark.parametrize("seed", [0, 2, 4, 6])
@@ -286,7 +285,7 @@ def test_without_friction_they_are_pinocchios(seed):
     whole = np.triu(data.M) + np.triu(data.M, 1).T
     for one, judge in zip(found.effort_lower, (data.dtau_dq, data.dtau_dv, whole), strict=True):
         scale = np.abs(judge).max()
-        np.testing.assert_allclose(one, judge[rows], rtol=0, atol=1e-14 * scale)
+        assert_allclose(one, judge[rows], rtol=0, atol=1e-14 * scale)
     u = np.random.default_rng(seed).normal(size=len(rows))
     tau = np.zeros(model.nv)
     tau[rows] = u
@@ -294,7 +293,7 @@ def test_without_friction_they_are_pinocchios(seed):
     pin.computeABADerivatives(model, data, q, v, tau)
     inverse = (np.triu(data.Minv) + np.triu(data.Minv, 1).T)[:, rows]
     for one, judge in zip(ahead[:3], (data.ddq_dq, data.ddq_dv, inverse), strict=True):
-        np.testing.assert_allclose(one, judge, rtol=0, atol=1e-10 * np.abs(judge).max())
+        assert_allclose(one, judge, rtol=0, atol=1e-10 * np.abs(judge).max())
 
 
 def forward_case(scene, seed, rest, motors):

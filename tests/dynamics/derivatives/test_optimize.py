@@ -1,7 +1,5 @@
 """The guide's trajectory optimization: fewer losses, and torques that bring the tip to its goal."""
 
-from __future__ import annotations
-
 import re
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """Derivatives by parameters against differences between changed scenes."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest

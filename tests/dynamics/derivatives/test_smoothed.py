@@ -1,11 +1,10 @@
 """The smooth law against the exact one, its bound, and differences of its solutions."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from builders import random_states
 from dynamics.derivatives.test_derivatives import assert_close, scene_of
+from numpy.testing import assert_allclose
 
 import pinfric as pf
 from pinfric.errors import StateError
@@ -24,7 +23,7 @@ def test_from_the_width_on_it_is_the_exact_law(seed):
         for name in NAMES:
             judge, one = getattr(exact, f"{name}_lower"), getattr(found, name)
             scale = np.abs(judge).max()
-            np.testing.assert_allclose(one, judge, rtol=0, atol=1e-12 * scale)
+            assert_allclose(one, judge, rtol=0, atol=1e-12 * scale)
 
 
 def static_of(coulomb):
@@ -55,7 +54,7 @@ def test_below_it_the_bound_is_attained_and_never_exceeded(width):
         most = np.maximum(most, np.maximum(rubbed - held - ahead, -rubbed - held - back))
     assert (most <= bound + 1e-9).all()
     assert steady.any()
-    np.testing.assert_allclose(most[steady], bound[steady], atol=1e-9)
+    assert_allclose(most[steady], bound[steady], atol=1e-9)
 
 
 @pytest.mark.parametrize("width", [0.5, 0.05])
@@ -77,7 +76,7 @@ def test_derivatives_against_differences(seed, width):
     assert_close(found, efforts, scene.model, (q, v, a), 1e-8, None, steps)
     u = efforts(q, v, a)[0]
     there = smooth.forward(q, v, u)
-    np.testing.assert_allclose(there.a, a, atol=1e-8 * np.abs(a).max())
+    assert_allclose(there.a, a, atol=1e-8 * np.abs(a).max())
     unit = np.abs(u).max()
     blocks = [x[None].copy() for x in (there.ddq_dq, there.ddq_dv, unit * there.ddq_dtau)]
     state = q, v, u / unit

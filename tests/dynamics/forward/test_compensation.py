@@ -1,7 +1,5 @@
 """The solver's compensation is that of the C++ header."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -14,6 +12,7 @@ from export_cases import (
     sampled,
 )
 from mechanisms import pin_friction
+from numpy.testing import assert_allclose
 
 import pinfric as pf
 from pinfric.dynamics.forward.compensation import CompensationOptions
@@ -96,13 +95,13 @@ def test_measured_states_of_legs_are_compensated_under_the_feets_forces():
         judged = pf.inverse_dynamics(driven, *state, external=feet)
         expected = judged.joint_effort_lower[0, -4:]
         found = solver.joint_effort(*state, options=options, external=feet)
-        np.testing.assert_allclose(found, expected, rtol=1e-10, atol=1e-10)
+        assert_allclose(found, expected, rtol=1e-10, atol=1e-10)
         rotors = 81.0 * 1e-4 * state[2][6:]
         losses = expected - rotors - judged.effort_frictionless[0, -4:]
         measured = solver.compensate_measured(
             state[0], state[1], v=state[1], a=state[2], options=options, external=feet
         )
-        np.testing.assert_allclose(measured, 0.8 * losses, rtol=1e-9, atol=1e-9)
+        assert_allclose(measured, 0.8 * losses, rtol=1e-9, atol=1e-9)
 
 
 @pytest.mark.parametrize("ratio", [0.7, -0.7])
@@ -118,4 +117,4 @@ def test_a_mimic_joint_rubs_in_its_own_direction(ratio, way):
     scene = pf.Scene(model=model, friction=friction)
     found = scene.solver().compensate([0.0], [way], [0.0], [way])
     expected = way * (sizes[way] + abs(ratio) * sizes[way * np.sign(ratio)])
-    np.testing.assert_allclose(found, [expected], rtol=1e-12)
+    assert_allclose(found, [expected], rtol=1e-12)

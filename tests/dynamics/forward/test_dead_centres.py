@@ -1,7 +1,5 @@
 """Dead centres: whether friction holds a mechanism, by four ways that must agree."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from mechanisms import GROUND, LENGTHS, four_bar

@@ -1,7 +1,5 @@
 """Forward dynamics at one instant: Pinocchio without friction, closed forms, thresholds, errors."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -19,6 +17,7 @@ from builders import (
 )
 from judges.fewest_slips import fewest_slips
 from mechanisms import beside, four_bar, pin_friction, shifted
+from numpy.testing import assert_allclose, assert_array_equal
 from tables import arguments, table
 
 import pinfric as pf
@@ -70,7 +69,7 @@ def test_without_friction_it_is_aba(seed):
     data = model.createData()
     for i in range(5):
         instant = pf.forward_dynamics(scene, q[i], v[i], u[i])
-        np.testing.assert_allclose(instant.a, pin.aba(model, data, q[i], v[i], u[i]), rtol=1e-9)
+        assert_allclose(instant.a, pin.aba(model, data, q[i], v[i], u[i]), rtol=1e-9)
         assert instant.modes.shape == instant.friction.shape == (0,)
         assert instant.wrench.shape == (0, 6)
 
@@ -97,15 +96,15 @@ def test_inverse_dynamics_gives_the_efforts_back(seed):
         assert (u[i] - inverse.effort_upper[0]).max() < 1e-9 * scale
         slides = np.ones(model.nv, bool)
         slides[scene.site_tables.velocity_index[inverse.sticking[0]]] = False
-        np.testing.assert_allclose(inverse.effort_lower[0][slides], u[i][slides], atol=1e-9 * scale)
+        assert_allclose(inverse.effort_lower[0][slides], u[i][slides], atol=1e-9 * scale)
         if inverse.wrench is not None:
-            np.testing.assert_allclose(instant.wrench, inverse.wrench[0], atol=1e-9 * scale)
-        np.testing.assert_allclose(instant.normal_load, inverse.normal_load[0], atol=1e-9 * scale)
+            assert_allclose(instant.wrench, inverse.wrench[0], atol=1e-9 * scale)
+        assert_allclose(instant.normal_load, inverse.normal_load[0], atol=1e-9 * scale)
         # the friction itself closes the balance, sticking or not
         total = u[i].copy()
         t = scene.site_tables
         np.add.at(total, t.velocity_index, t.ratio * instant.friction)
-        np.testing.assert_allclose(total, inverse.effort_frictionless[0], atol=1e-9 * scale)
+        assert_allclose(total, inverse.effort_frictionless[0], atol=1e-9 * scale)
         assert (instant.a[t.velocity_index[instant.modes == 0]] == 0.0).all()
 
 
@@ -119,10 +118,10 @@ def test_wrenches_from_outside_act():
     forces = pin.StdVec_Force([pin.Force.Zero() for _ in range(model.njoints)])
     forces[4] = model.frames[frame].placement.act(pin.Force(wrench))
     expected = pin.aba(model, model.createData(), q[0], v[0], u[0], forces)
-    np.testing.assert_allclose(instant.a, expected, rtol=1e-9)
+    assert_allclose(instant.a, expected, rtol=1e-9)
     again = pf.forward_dynamics(scene, q[0], v[0], u[0])  # nothing stays behind
     plain = pin.aba(model, model.createData(), q[0], v[0], u[0])
-    np.testing.assert_allclose(again.a, plain, rtol=1e-9)
+    assert_allclose(again.a, plain, rtol=1e-9)
 
 
 def test_a_floating_base_and_continuous_joints():
@@ -139,7 +138,7 @@ def test_a_floating_base_and_continuous_joints():
     for i in range(3):
         instant = pf.forward_dynamics(scene, q[i], v[i], u[i])
         inverse = pf.inverse_dynamics(scene, q[i], v[i], instant.a)
-        np.testing.assert_allclose(inverse.effort_lower[0], u[i], atol=1e-9)
+        assert_allclose(inverse.effort_lower[0], u[i], atol=1e-9)
     with pytest.warns(pf.PinfricWarning, match="manifold"):
         pf.forward_dynamics(scene, 1.5 * q[0], v[0], u[0])
 
@@ -164,10 +163,10 @@ def test_mimic_joints_share_one_coordinate():
     held = pf.forward_dynamics(scene, [0.0], [0.0], [0.999999 * limit])
     assert held.modes.tolist() == [0, 0]
     assert held.a[0] == 0.0
-    np.testing.assert_allclose(held.friction, [-1.3, 0.3], rtol=1e-5)
+    assert_allclose(held.friction, [-1.3, 0.3], rtol=1e-5)
     freed = pf.forward_dynamics(scene, [0.0], [0.0], [1.000001 * limit])
     assert freed.modes.tolist() == [1, -1]
-    np.testing.assert_allclose(freed.friction, [-0.8, 0.3], rtol=1e-12)
+    assert_allclose(freed.friction, [-0.8, 0.3], rtol=1e-12)
     inverse = pf.inverse_dynamics(scene, [0.0], [1e-3], freed.a)
     assert inverse.effort_lower[0, 0] == pytest.approx(1.000001 * limit, rel=1e-12)
     assert freed.a[0] > 0
@@ -297,7 +296,7 @@ def test_each_of_many_blocks_slips_where_its_slope_is_too_steep(n):
     slips = np.tan(angles) > 0.3
     assert instant.modes.tolist() == slips.astype(int).tolist()
     expected = np.where(slips, G * (np.sin(angles) - 0.3 * np.cos(angles)), 0.0)
-    np.testing.assert_allclose(instant.a, expected, rtol=1e-10)
+    assert_allclose(instant.a, expected, rtol=1e-10)
 
 
 def test_payloads_count_where_they_are_attached():
@@ -410,16 +409,16 @@ def test_a_batch_is_its_states_one_by_one():
     q, v, a = rng.normal(size=(3, 6, scene.model.nv))
     motion = pf.inverse_dynamics(scene, q, v, a)
     batch = pf.forward_dynamics(scene, q, v, motion.effort_lower)
-    np.testing.assert_allclose(batch.a, a, rtol=0, atol=1e-9)
-    np.testing.assert_allclose(batch.wrench, motion.wrench, rtol=0, atol=1e-8)
+    assert_allclose(batch.a, a, rtol=0, atol=1e-9)
+    assert_allclose(batch.wrench, motion.wrench, rtol=0, atol=1e-8)
     assert {len(figure) for figure in batch} == {6}
     assert "6 samples" in repr(batch)
     push = np.arange(36.0).reshape(6, 6)
     pushed = pf.inverse_dynamics(scene, q, v, a, external={"tool0": push})
     both = pf.forward_dynamics(scene, q, v, pushed.effort_lower, {"tool0": push})
-    np.testing.assert_allclose(both.a, a, rtol=0, atol=1e-9)
+    assert_allclose(both.a, a, rtol=0, atol=1e-9)
     one_effort = pf.forward_dynamics(scene, q, v, {})
-    np.testing.assert_array_equal(one_effort.effort, np.zeros((6, 6)))
+    assert_array_equal(one_effort.effort, np.zeros((6, 6)))
 
 
 BATCH = r"""
@@ -462,7 +461,7 @@ def test_the_verdict_does_not_depend_on_what_rests_elsewhere(others):
         pf.forward_dynamics(scene, still, still, 2.5 * push)
     push[2:] = 3.0  # every other one breaks away, too
     found = pf.forward_dynamics(scene, still, still, push * ([3.5, 3.5] + [1.0] * others))
-    np.testing.assert_allclose(found.a, [0.0, 2.5] + [2.0] * others, atol=1e-12)
+    assert_allclose(found.a, [0.0, 2.5] + [2.0] * others, atol=1e-12)
     assert found.answers == 1
 
 
@@ -489,11 +488,11 @@ def test_neither_loops_nor_locking_gears_nearby_change_the_verdict(neighbours):
     with pytest.raises(AmbiguousAcceleration, match="'a_0': 2 in"):
         pf.forward_dynamics(scene, q, still, **{given: np.array([2.5, 2.5, *others])})
     found = pf.forward_dynamics(scene, q, still, **{given: np.array([3.5, 3.5, *others])})
-    np.testing.assert_allclose(found.a[:2], [0.0, 2.5], atol=1e-12)
+    assert_allclose(found.a[:2], [0.0, 2.5], atol=1e-12)
     assert found.answers == 1
     if neighbours == "loops":
         held, moved = (pf.forward_dynamics(bars, q[2:5], still[:3], [u]).a for u in (0.5, 9.0))
-        np.testing.assert_array_equal(found.a[2:], [*held, *moved, *held])
+        assert_array_equal(found.a[2:], [*held, *moved, *held])
         assert moved.any()
 
 
@@ -514,7 +513,7 @@ def test_more_joints_than_are_enumerated_have_the_fewest_slips(static, seed, mon
             pf.forward_dynamics(scene, still, still, push)
         return
     found = pf.forward_dynamics(scene, still, still, push)
-    np.testing.assert_allclose(found.friction, answers[0], atol=1e-6)
+    assert_allclose(found.friction, answers[0], atol=1e-6)
     assert (found.answers, found.a.any()) == (1, True)
     monkeypatch.setattr(search, "kinetic", lambda *_: None)  # without a proof
     found = pf.forward_dynamics(scene, still, still, push)

@@ -1,7 +1,5 @@
 """Whether friction holds a robot at rest: closed forms, an independent search, thresholds."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest

@@ -1,7 +1,5 @@
 """A prepared solver: the same numbers as the functions of batches, in memory of its own."""
 
-from __future__ import annotations
-
 import pickle
 import subprocess
 import sys
@@ -32,6 +30,7 @@ from cases import (
     turning_four_bar,
 )
 from mechanisms import crank_rates, cut_slider_crank, four_bar, pin_friction
+from numpy.testing import assert_allclose, assert_array_equal
 
 import pinfric as pf
 from pinfric.dynamics.forward.workspace import Workspace, lent
@@ -149,7 +148,7 @@ FIGURES = (
 
 def assert_equal(found, expected, name):
     scale = max(1.0, float(np.abs(expected).max(initial=0.0)))
-    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-12 * scale, err_msg=name)
+    assert_allclose(found, expected, rtol=0, atol=1e-12 * scale, err_msg=name)
 
 
 @pytest.mark.parametrize(("scene", "q", "v", "a"), EVERY, ids=IDS)
@@ -194,8 +193,8 @@ def test_the_plan_of_a_robot_with_leg_drives_only_is_kept(monkeypatch):
     first = solver.inverse(q, v, a).effort_lower.copy()
     friction = solver.inverse(q, v, a).friction_upper
     monkeypatch.setattr(plan, "_choose_contacts", lambda *given: calls.append(given))
-    np.testing.assert_array_equal(solver.inverse(q, v, a).effort_lower, first)
-    np.testing.assert_allclose(first, -friction, atol=1e-10)
+    assert_array_equal(solver.inverse(q, v, a).effort_lower, first)
+    assert_allclose(first, -friction, atol=1e-10)
     assert not calls
 
 
@@ -264,13 +263,11 @@ def test_a_quadruped_stands_on_its_feet_as_pinocchio_has_it():
     for seed in range(4):
         (q, v, a), feet, on_joints = standing(model, 1.0, seed)
         expected = pin.rnea(model, data, q, v, a, on_joints)
-        np.testing.assert_allclose(expected[:6], 0.0, atol=1e-12)
+        assert_allclose(expected[:6], 0.0, atol=1e-12)
         found = solver.inverse(q, v, a, external=feet)
         for effort in (found.effort_lower, found.effort_upper, found.effort_frictionless):
-            np.testing.assert_allclose(effort, expected[6:], atol=1e-11)
-        np.testing.assert_allclose(
-            solver.forward(q, v, expected[6:], external=feet).a, a, atol=1e-8
-        )
+            assert_allclose(effort, expected[6:], atol=1e-11)
+        assert_allclose(solver.forward(q, v, expected[6:], external=feet).a, a, atol=1e-8)
     with pytest.raises(pf.PinfricError, match="root_joint"):  # nothing holds its base
         solver.inverse(q, v, a)
 
@@ -295,7 +292,7 @@ def test_a_quadruped_with_friction_stands_on_its_feet_as_in_batches(speed):
         for name in ("a", "modes", "friction", "normal_load", "wrench"):
             assert_equal(getattr(ahead, name), getattr(expected, name), name)
         if speed:
-            np.testing.assert_allclose(ahead.a, a, atol=1e-7)
+            assert_allclose(ahead.a, a, atol=1e-7)
 
 
 @pytest.mark.parametrize("method", ["inverse", "forward"])
@@ -381,7 +378,7 @@ def test_the_caller_s_arrays_stay_his():
     expected = pf.forward_dynamics(scene, q[0], v[0], effort.copy()).a
     assert_equal(solver.forward(q[0], v[0], effort).a, expected, "a")
     for before, after in zip(kept, (q, v, a), strict=True):
-        np.testing.assert_array_equal(before, after)
+        assert_array_equal(before, after)
 
 
 @pytest.mark.parametrize("kind", ["list", "single", "strided", "whole"])
@@ -505,7 +502,7 @@ def test_a_workspace_that_was_lent_before_is_as_new():
             *zip(second.modes, new.modes, strict=True),
             *zip(second.machine.results, new.machine.results, strict=True),
         ):
-            np.testing.assert_array_equal(found, expected)
+            assert_array_equal(found, expected)
 
 
 def test_a_refusal_names_the_joint_whose_load_grows_most():
@@ -700,7 +697,7 @@ def test_other_coefficients_need_no_new_tables(monkeypatch):
         patched.setattr(pf.Scene, "__post_init__", refuse)
         other = solver.with_friction(friction)
         assert other.inverse(*state).normal_load.shape == (6,)
-        np.testing.assert_array_equal(other.compensate(*state, state[1]), wanted)
+        assert_array_equal(other.compensate(*state, state[1]), wanted)
         with pytest.raises(AssertionError):
             solver.with_friction({"elbow_joint": {"coulomb": 1.0}})
     assert (

@@ -1,7 +1,5 @@
 """Steps of forward dynamics, each by itself."""
 
-from __future__ import annotations
-
 import pickle
 import threading
 
@@ -10,6 +8,7 @@ import pytest
 from builders import plane_friction, sliding_block
 from cases import rocker_driven_four_bar, turning_four_bar
 from mechanisms import FIVE_BAR, five_bar, pin_friction
+from numpy.testing import assert_allclose, assert_array_equal
 
 import pinfric as pf
 from pinfric.dynamics.forward.workspace import Workspace, workspace
@@ -36,16 +35,16 @@ def test_a_pin_that_rests_at_its_dead_centre_stops_nothing():
     assert (np.abs(speed) < 1e-12).sum() == 1
     stopped = np.abs(speed) < 1e-12
     v, rests = ws.constraints.stop(case.q[0], case.v[0], stopped)
-    np.testing.assert_allclose(v, case.v[0], atol=1e-15)
-    np.testing.assert_array_equal(rests, stopped)
+    assert_allclose(v, case.v[0], atol=1e-15)
+    assert_array_equal(rests, stopped)
 
 
 @pytest.mark.parametrize("pin", range(4))
 def test_a_stop_that_would_take_away_a_speed_changes_nothing(pin):
     case, stopped = turning_four_bar(3), np.arange(4) == pin
     v, rests = Workspace(case.scene).constraints.stop(case.q[0], case.v[0], stopped)
-    np.testing.assert_array_equal(v, case.v[0])
-    np.testing.assert_array_equal(rests, stopped)
+    assert_array_equal(v, case.v[0])
+    assert_array_equal(rests, stopped)
 
 
 def test_a_pin_that_stops_in_a_fast_mechanism_has_no_speed_left():
@@ -56,7 +55,7 @@ def test_a_pin_that_stops_in_a_fast_mechanism_has_no_speed_left():
     index = scene.joint_names.index("A")
     assert abs(slower[index]) < 1e-15
     assert 0.0 < np.abs(slower - v).max() < 1e-6
-    np.testing.assert_array_equal(rests, stopped)
+    assert_array_equal(rests, stopped)
 
 
 # Workspace: workspaces: of their own for each thread, and unchanged from call to call.
@@ -68,7 +67,7 @@ def test_nothing_of_an_instant_changes_with_the_next_call():
     kept = [np.copy(x) for x in first]
     pf.forward_dynamics(scene, [0.3], [-2.0], [5.0])
     for now, then in zip(first, kept, strict=True):
-        np.testing.assert_array_equal(now, then)
+        assert_array_equal(now, then)
 
 
 def test_threads_and_pickles_have_workspaces_of_their_own():

@@ -1,7 +1,5 @@
 """What `result.check()` notices; what only `tests/judges` does is in `judges/test_verdict.py`."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Ends of efforts where pins and balls stick, and the friction of balls, with loops."""
 
-from __future__ import annotations
-
 import dataclasses
 import itertools
 from dataclasses import replace

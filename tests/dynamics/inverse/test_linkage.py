@@ -1,7 +1,5 @@
 """Coupled inverse dynamics against closed forms, an independent program, and itself."""
 
-from __future__ import annotations
-
 import pickle
 from pathlib import Path
 
@@ -32,6 +30,7 @@ from mechanisms import (
     grounded_model,
     pin_friction,
 )
+from numpy.testing import assert_allclose, assert_array_equal
 
 import pinfric as pf
 from pinfric.dynamics.inverse.choices import friction_laws
@@ -57,11 +56,11 @@ def test_four_bar_against_newton_and_euler_bar_by_bar(kind, rate):
     torque = np.array([torque for torque, _, _ in expected])
     scale = max(1.0, (rate / 6.28) ** 2)  # inertia forces grow with the speed squared
     for effort in (result.effort_lower[:, 0], result.effort_upper[:, 0]):
-        np.testing.assert_allclose(effort[slides], torque[slides], rtol=0, atol=1e-9 * scale)
+        assert_allclose(effort[slides], torque[slides], rtol=0, atol=1e-9 * scale)
     for pin_name in PINS:
         s = result.site_names.index(pin_name)
         forces = np.array([np.hypot(*forces[pin_name]) for _, forces, _ in expected])
-        np.testing.assert_allclose(
+        assert_allclose(
             result.normal_load[slides, s], 0.01 * forces[slides], rtol=1e-9, atol=1e-12 * scale
         )
 
@@ -69,7 +68,7 @@ def test_four_bar_against_newton_and_euler_bar_by_bar(kind, rate):
 def test_four_bar_without_friction_against_newton_and_euler():
     case = turning_four_bar(50)
     expected = [crank_torque(FourBar(mu=0.0), x, 6.28, 3.0)[0] for x in case.known["angles"]]
-    np.testing.assert_allclose(case.inverse().effort_frictionless[:, 0], expected, atol=1e-12)
+    assert_allclose(case.inverse().effort_frictionless[:, 0], expected, atol=1e-12)
 
 
 def bar_power(q, v, a, joints_to_bars, gravity):
@@ -146,9 +145,9 @@ def test_every_cut_of_the_four_bar_gives_the_same_efforts(kind, gravity, bearing
     first = results["O"]
     for result in results.values():
         for name in ("effort_lower", "effort_upper", "effort_frictionless"):
-            np.testing.assert_allclose(getattr(result, name), getattr(first, name), atol=1e-9)
+            assert_allclose(getattr(result, name), getattr(first, name), atol=1e-9)
         order = [result.site_names.index(name) for name in first.site_names]
-        np.testing.assert_allclose(result.normal_load[:, order], first.normal_load, atol=1e-11)
+        assert_allclose(result.normal_load[:, order], first.normal_load, atol=1e-11)
 
 
 @pytest.mark.parametrize("level", [{"coupler": 0.03, "rocker": -0.02}, {}])
@@ -250,7 +249,7 @@ def test_a_second_solution_that_newton_misses_from_rest_and_far_out_is_found():
     assert np.abs(efforts[0] - efforts[1]).max() > 10.0
     for effort in efforts:  # each causes the motion
         back = pf.forward_dynamics(scene, q, v[0], effort)
-        np.testing.assert_allclose(back.a, a[0], rtol=1e-8)
+        assert_allclose(back.a, a[0], rtol=1e-8)
     assert judge(result).passed()
 
 
@@ -378,9 +377,7 @@ def test_a_geared_cylinder_has_its_own_velocity_and_acceleration():
     acceleration = np.gradient(L_rate, motion.t, axis=0)
     steps = slice(100, -100)
     size = 600.0 * 1e-3 * np.abs(acceleration).max()
-    np.testing.assert_allclose(
-        inertia[steps], 600.0 * 1e-3 * acceleration[steps], atol=0.005 * size
-    )
+    assert_allclose(inertia[steps], 600.0 * 1e-3 * acceleration[steps], atol=0.005 * size)
 
 
 # ---------------------------------------------------------------- what holds always
@@ -428,10 +425,10 @@ def test_chunks_threads_and_pickles_change_nothing():
     )
     for name in names:
         joined = np.concatenate([getattr(piece, name) for piece in pieces])
-        np.testing.assert_array_equal(joined, getattr(whole, name))
+        assert_array_equal(joined, getattr(whole, name))
     again = pickle.loads(pickle.dumps(case.scene))
     copy = pf.inverse_dynamics(again, case.q, case.v, case.a, t=t, threads=1)
-    np.testing.assert_array_equal(copy.effort_lower, whole.effort_lower)
+    assert_array_equal(copy.effort_lower, whole.effort_lower)
 
 
 def test_check_sees_every_wrong_figure():

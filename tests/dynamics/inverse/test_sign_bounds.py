@@ -1,9 +1,8 @@
 """Bounds of slopes of efforts against slopes at random frictions, by plain fixed-point passes."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 from pinfric.dynamics.inverse.sign_bounds import Limits, Slopes, bound_slopes
 
@@ -63,11 +62,11 @@ def test_efforts_between_two_frictions_differ_by_no_more_than_the_bounds(seed, c
 def test_without_coupling_the_bounds_are_the_efforts_own_slopes():
     contact, owner, constant, limits, U = random_problem(0, 0.0)
     _, (least, greatest, width) = bounds(contact, owner, constant, limits, U)
-    np.testing.assert_allclose(least, U, rtol=1e-14)
-    np.testing.assert_allclose(greatest, U, rtol=1e-14)
+    assert_allclose(least, U, rtol=1e-14)
+    assert_allclose(greatest, U, rtol=1e-14)
     load = constant + np.bincount(owner, np.linalg.norm(contact[:, 0], axis=1), 6)
     expected = (limits.a_high - limits.a_low) * load + limits.b_high - limits.b_low
-    np.testing.assert_allclose(width, expected, rtol=1e-14)
+    assert_allclose(width, expected, rtol=1e-14)
 
 
 def test_loads_that_may_grow_without_bound_do_not_contract():

@@ -1,11 +1,10 @@
 """Results of inverse dynamics, and trees."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from builders import dry, plane_friction, random_states, random_tree, scene_of, sliding_block
 from judges.verdict import judge
+from numpy.testing import assert_allclose, assert_array_equal
 
 import pinfric as pf
 from pinfric.dynamics.inverse import tree as inverse_tree
@@ -35,7 +34,7 @@ def test_stick_intervals_and_dataframe():
     assert result.stick_intervals() == (pf.StickInterval("slide", t[3], t[6]),)
     frame = result.to_dataframe()
     assert frame["t"].tolist() == t.tolist()
-    np.testing.assert_array_equal(frame["slide.effort_upper"], result.effort_upper[:, 0])
+    assert_array_equal(frame["slide.effort_upper"], result.effort_upper[:, 0])
     with pytest.raises(StateError, match="need times"):
         pf.inverse_dynamics(scene, [[0.0]], [[1.0]], [[0.0]]).stick_intervals()
 
@@ -78,7 +77,7 @@ def test_constant_friction_computes_no_reactions(monkeypatch):
     monkeypatch.setattr(inverse_tree, "reactions", lambda *_: pytest.fail("twin was called"))
     q, v, a = random_states(model, 6, 4)
     result = pf.inverse_dynamics(scene, q, np.abs(v), a)
-    np.testing.assert_allclose((result.effort_lower - result.effort_frictionless)[:, 1], 1.0)
+    assert_allclose((result.effort_lower - result.effort_frictionless)[:, 1], 1.0)
     assert judge(result).passed()
 
 
@@ -89,8 +88,8 @@ def test_what_drives_deliver_of_joints_efforts_is_made_once_for_a_scene():
     pair = [{"joint": last, "name": name, "share": 1.0} for name in ("left", "right")]
     scene = pf.Scene(model=model, actuators=pair)
     halves = drive_delivery(scene)
-    np.testing.assert_array_equal(halves[:, -1], [0.5, 0.5])
+    assert_array_equal(halves[:, -1], [0.5, 0.5])
     assert drive_delivery(scene) is halves
     one = scene.with_(actuators=[{"joint": last}])
     assert drive_delivery(one).shape == (1, 3)
-    np.testing.assert_array_equal(drive_delivery(scene), halves)
+    assert_array_equal(drive_delivery(scene), halves)

@@ -1,7 +1,5 @@
 """The maps of one instant: against Pinocchio, of a tree as a linkage, and interpreted."""
 
-from __future__ import annotations
-
 from operator import attrgetter
 
 import numpy as np
@@ -9,6 +7,7 @@ import pinocchio as pin
 import pytest
 from builders import random_friction, random_states, random_tree
 from mechanisms import cut_slider_crank, four_bar
+from numpy.testing import assert_allclose, assert_array_equal
 
 import pinfric as pf
 from pinfric.dynamics.forward.workspace import Workspace
@@ -42,15 +41,15 @@ def test_mass_matrix_accelerations_and_wrenches_are_pinocchio_s(seed):
     ws = Workspace(scene)
     ws.assemble(q, v, u)
     M = columns(model, q)
-    np.testing.assert_allclose(ws.machine.maps.M, M, atol=1e-11 * np.abs(M).max())
+    assert_allclose(ws.machine.maps.M, M, atol=1e-11 * np.abs(M).max())
     x = np.random.default_rng(seed).normal(size=len(ws.modes.friction))
     a = ws.machine.maps.acceleration @ np.r_[1.0, x]
     effort = u + np.bincount(ws.plan.coordinates.velocity_index, x, model.nv)
     data = model.createData()
-    np.testing.assert_allclose(a, pin.aba(model, data, q, v, effort), atol=1e-9 * np.abs(a).max())
+    assert_allclose(a, pin.aba(model, data, q, v, effort), atol=1e-9 * np.abs(a).max())
     wrench = ws.machine.maps.wrench @ np.r_[1.0, x]
     wanted = pf.joint_wrenches(scene, q, v, a)[0][np.unique(ws.plan.sites.joint)]
-    np.testing.assert_allclose(wrench, wanted, atol=1e-10 * np.abs(wanted).max())
+    assert_allclose(wrench, wanted, atol=1e-10 * np.abs(wanted).max())
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -74,8 +73,8 @@ def test_a_tree_is_a_linkage_without_loops(seed):
         outside = {link: 5.0 * np.r_[way, np.cross(at, way)]}
         wanted = pf.forward_dynamics(free, q, v, [0.3, -0.2, 0.0], outside)
         size = np.abs(wanted.a).max(initial=1.0)
-        np.testing.assert_allclose(ours.a, wanted.a, atol=1e-10 * size)
-        np.testing.assert_allclose(ours.friction, wanted.friction, atol=1e-9)
+        assert_allclose(ours.a, wanted.a, atol=1e-10 * size)
+        assert_allclose(ours.friction, wanted.friction, atol=1e-9)
         assert (ours.modes == wanted.modes).all()
 
 
@@ -108,7 +107,7 @@ def test_interpreted_maps_are_the_compiled_ones(case):
     for name in (*(f"maps.{one}" for one in maps), *(f"problem.{one}" for one in numbers)):
         ours, theirs = (attrgetter(name)(ws.machine) for ws in (compiled, interpreted))
         size = np.abs(ours).max(initial=1e-9)
-        np.testing.assert_allclose(theirs, ours, atol=1e-12 * size, err_msg=name)
+        assert_allclose(theirs, ours, atol=1e-12 * size, err_msg=name)
 
 
 @pytest.mark.parametrize("joints", [1, 2, 6])
@@ -130,12 +129,12 @@ def test_what_pinocchio_holds_is_seen_without_a_copy_and_else_copied(joints, mon
         supplier.at(q, v, None)
     data = live.data
     for ours, theirs, name in zip(live.supply, copied.supply, live.supply._fields, strict=True):
-        np.testing.assert_array_equal(ours, theirs, err_msg=name)
+        assert_array_equal(ours, theirs, err_msg=name)
     for j in range(twin.model.njoints):
-        np.testing.assert_array_equal(live.supply.p[j], data.oMi[j].translation)
-        np.testing.assert_array_equal(live.supply.force[j], data.f[j].vector)
+        assert_array_equal(live.supply.p[j], data.oMi[j].translation)
+        assert_array_equal(live.supply.force[j], data.f[j].vector)
         full = data.oYcrb[j].inertia
-        np.testing.assert_array_equal(live.supply.inertia[j], full[np.tril_indices(3)])
+        assert_array_equal(live.supply.inertia[j], full[np.tril_indices(3)])
 
 
 def test_friction_that_is_not_a_number_gives_no_acceleration():

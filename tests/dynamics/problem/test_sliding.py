@@ -1,12 +1,11 @@
 """Sliding friction that no load changes: one ABA, against plain RNEA and against the search."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest
 from builders import chain, dry, geared_arm, lump, random_states
 from mechanisms import pin_friction
+from numpy.testing import assert_allclose
 
 import pinfric as pf
 from pinfric.dynamics.forward.workspace import Workspace
@@ -25,17 +24,15 @@ def test_what_slides_needs_one_aba(seed, motors):
     coupled.solve_coupled(q, v, effort, None)
     for name in ("a", "effort", "phi", "load", "wrench", "site_modes"):
         same = getattr(coupled, name)
-        np.testing.assert_allclose(
-            getattr(free, name), same, atol=1e-11 * np.abs(same).max(initial=0)
-        )
+        assert_allclose(getattr(free, name), same, atol=1e-11 * np.abs(same).max(initial=0))
     need = pin.rnea(scene.model, scene.model.createData(), q, v, free.a)
     index = [scene.model.joints[scene.model.getJointId(n)].idx_v for n in scene.site_names]
     need[index] -= free.phi
-    np.testing.assert_allclose(free.effort, need, atol=1e-9 * np.abs(need).max())
+    assert_allclose(free.effort, need, atol=1e-9 * np.abs(need).max())
     if motors:
         ratio = [drive.transmission.ratio for drive in scene.drives]
         found = pf.inverse_dynamics(scene, q[None], v[None], free.a[None]).motor_torque_upper[0]
-        np.testing.assert_allclose(found * ratio, effort, rtol=1e-8, atol=1e-8)
+        assert_allclose(found * ratio, effort, rtol=1e-8, atol=1e-8)
 
 
 @pytest.mark.parametrize(

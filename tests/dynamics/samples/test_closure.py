@@ -1,13 +1,12 @@
 """Closing loops: configurations, velocities, accelerations, and what must be refused."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest
 from cases import ball_tripod, turning_four_bar
 from judges.planar_newton_euler import FourBar, bar_angles
 from mechanisms import add_link, bar, four_bar, grounded_model
+from numpy.testing import assert_allclose
 
 import pinfric as pf
 from pinfric.dynamics.samples.closure import (
@@ -31,8 +30,8 @@ def test_independent_joints_by_full_pivoting():
     assert len(chosen) == 5 - np.linalg.matrix_rank(J)
     index = [case.scene.joint_names.index(name) for name in chosen]
     v, a = consistent_motion(case.scene, case.q, chosen, case.v[:, index], case.a[:, index])
-    np.testing.assert_allclose(v, case.v, atol=1e-12)
-    np.testing.assert_allclose(a, case.a, atol=1e-11)
+    assert_allclose(v, case.v, atol=1e-12)
+    assert_allclose(a, case.a, atol=1e-11)
 
 
 @pytest.mark.parametrize("kind", ["planar_pin", "revolute"])
@@ -43,8 +42,8 @@ def test_a_trajectory_keeps_its_assembly_for_whole_turns(kind):
     q[:, 0] = angles
     closed = complete_configurations(scene, [0.3, 0.4, 1.4], ["O"], q)
     expected = joints(np.array([bar_angles(FourBar(), angle) for angle in angles]))
-    np.testing.assert_allclose(np.cos(closed), np.cos(expected), atol=1e-12)
-    np.testing.assert_allclose(np.sin(closed), np.sin(expected), atol=1e-12)
+    assert_allclose(np.cos(closed), np.cos(expected), atol=1e-12)
+    assert_allclose(np.sin(closed), np.sin(expected), atol=1e-12)
 
 
 def test_independent_joints_that_do_not_determine_the_rest_are_refused():

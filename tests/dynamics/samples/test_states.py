@@ -1,7 +1,5 @@
 """States: what is refused by name, other number types, normalized directions."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest

@@ -1,7 +1,5 @@
 """Several threads: the same numbers to the last bit, wherever the samples are cut."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

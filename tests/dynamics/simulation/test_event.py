@@ -1,13 +1,12 @@
 """Events: guards that are restarted on, grazed, met together, or that accumulate."""
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np
 import pinocchio as pin
 import pytest
 from builders import chain, dry, lump, plane_friction, random_tree, sliding_block
+from numpy.testing import assert_allclose
 from scipy.optimize import brentq
 from simulation_cases import Belt, G
 
@@ -63,7 +62,7 @@ def test_restart_exactly_on_a_guard(at):
     found = [e for e in rest.events if e.time > 1e-9]
     assert [e.kind for e in found] == expected
     assert len(rest.events) - len(found) <= (at == "slip")
-    np.testing.assert_allclose(rest.q[-1], whole.q[-1], atol=1e-8)
+    assert_allclose(rest.q[-1], whole.q[-1], atol=1e-8)
 
 
 @pytest.mark.parametrize("excess", [-1e-9, 0.0, 1e-9, 1e-6])
@@ -123,8 +122,8 @@ def test_events_at_one_instant_are_handled_together():
     motion = pf.simulate(scene, np.zeros(3), np.ones(3), np.zeros(3), 1.0)
     times = [e.time for e in motion.events]
     assert [e.kind for e in motion.events] == ["stick"] * 3
-    np.testing.assert_allclose(times, 1 / (0.3 * G), rtol=1e-12)
-    np.testing.assert_allclose(motion.q[-1], 0.5 / (0.3 * G), rtol=1e-9)
+    assert_allclose(times, 1 / (0.3 * G), rtol=1e-12)
+    assert_allclose(motion.q[-1], 0.5 / (0.3 * G), rtol=1e-9)
     assert motion.evaluations < 2200
 
 
@@ -213,7 +212,7 @@ def test_one_guard_between_looks_is_that_of_all(rtol, monkeypatch):
         for t in np.linspace(start, end, 4):
             guards = self._guards(np.array([t]), polynomial(t)[None, :])[0] + self.allowance
             mine = [self._guard(c, polynomial)(t) for c in range(self.nc)]
-            np.testing.assert_allclose(mine, guards, rtol=1e-12, atol=1e-12)
+            assert_allclose(mine, guards, rtol=1e-12, atol=1e-12)
             compared.extend(self.given.stuck)
         self.allowance = own
         return first_event(self, start, end, polynomial)

@@ -1,13 +1,12 @@
 """How simulate is used: efforts of every kind, bad input, interruption, limits, files, sampling."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
 import pytest
 from builders import random_states, random_tree, sliding_block
+from numpy.testing import assert_allclose, assert_array_equal
 from simulation_cases import slope, swing
 
 import pinfric as pf
@@ -19,9 +18,9 @@ def test_dense_sampling_agrees_with_the_samples():
     fine, coarse = swing(), swing(sample_step=2.0)
     times = fine.t[1:-1:7]
     dense = coarse.sample(times)
-    np.testing.assert_allclose(dense.q, fine.q[1:-1:7], atol=1e-9)
-    np.testing.assert_allclose(dense.a, fine.a[1:-1:7], atol=1e-7)
-    np.testing.assert_array_equal(dense.modes, fine.modes[1:-1:7])
+    assert_allclose(dense.q, fine.q[1:-1:7], atol=1e-9)
+    assert_allclose(dense.a, fine.a[1:-1:7], atol=1e-7)
+    assert_array_equal(dense.modes, fine.modes[1:-1:7])
     assert (dense.v[dense.modes[:, 0] == 0] == 0).all()
     inverse = pf.inverse_dynamics(coarse.scene, dense)
     assert (inverse.effort_lower <= dense.effort + 1e-9).all()
@@ -48,10 +47,10 @@ def test_efforts_between_samples_are_those_of_their_own_piece():
     )
     t = np.linspace(0.0, 1.0, 101)
     sampled = motion.sample(t)
-    np.testing.assert_allclose(sampled.effort[:, 0], np.sin(10 * t), atol=1e-10)
+    assert_allclose(sampled.effort[:, 0], np.sin(10 * t), atol=1e-10)
     mass = scene.model.inertias[1].mass
     velocity = (1 - np.cos(10 * t)) / (10 * mass)
-    np.testing.assert_allclose(sampled.v[:, 0], velocity, atol=1e-9)
+    assert_allclose(sampled.v[:, 0], velocity, atol=1e-9)
     energy = motion.energy()
     assert energy.work == pytest.approx(0.5 * mass * velocity[-1] ** 2, rel=1e-8)
     assert abs(energy.residual) < 1e-9 * abs(energy.work)

@@ -1,7 +1,5 @@
 """A motion's file that is damaged, or whose arrays do not fit, is one error and never a motion."""
 
-from __future__ import annotations
-
 import io
 import json
 import random
@@ -11,6 +9,7 @@ import numpy as np
 import pytest
 from builders import block, plane_friction
 from judges.test_gears import LOSSY, hoist
+from numpy.testing import assert_array_equal
 from simulation_cases import slope, swing
 from tables import arguments, table
 
@@ -45,7 +44,7 @@ def assert_same(motion, other):
         other.status,
     )
     for name in ARRAYS:
-        np.testing.assert_array_equal(getattr(motion, name), getattr(other, name))
+        assert_array_equal(getattr(motion, name), getattr(other, name))
 
 
 @pytest.mark.slow
@@ -152,7 +151,7 @@ def test_a_motion_goes_to_a_file_and_back(method, tmp_path):
     assert path == tmp_path / "swing.npz"
     back = pf.load_motion(path, slope())
     for name in ("t", "q", "v", "a", "effort", "modes", "friction", "normal_load"):
-        np.testing.assert_array_equal(getattr(back, name), getattr(motion, name))
+        assert_array_equal(getattr(back, name), getattr(motion, name))
     assert back.events == motion.events
     assert back.stick_intervals() == motion.stick_intervals()
     assert (back.method, back.status, back.evaluations) == (method, "finished", motion.evaluations)

@@ -1,10 +1,9 @@
 """What a run records: samples at their times and events, progress, interruption."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from builders import guided
+from numpy.testing import assert_allclose
 from simulation_cases import SHORT, G, slope, swing
 
 import pinfric as pf
@@ -62,10 +61,10 @@ def test_samples_come_at_their_times_and_at_events():
     regular = np.arange(21) * 0.1
     events = [e.time for e in motion.events]
     assert len(events) >= 4
-    np.testing.assert_allclose(motion.t, np.sort([*regular, *events]), atol=1e-12)
+    assert_allclose(motion.t, np.sort([*regular, *events]), atol=1e-12)
     assert (np.diff(motion.t) > 0).all()
     stepped = swing("timestepping", dt=1e-3, sample_step=0.1)
-    np.testing.assert_allclose(stepped.t, regular, atol=1e-12)
+    assert_allclose(stepped.t, regular, atol=1e-12)
 
 
 @pytest.mark.parametrize("method", ["event", "timestepping", "regularized"])

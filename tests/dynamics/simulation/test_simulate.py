@@ -1,13 +1,12 @@
 """Simulation against closed forms: stick-slip, spin-down, energy, standstill, guards, orders."""
 
-from __future__ import annotations
-
 from concurrent.futures import ThreadPoolExecutor
 from itertools import count
 
 import numpy as np
 import pinocchio as pin
 import pytest
+import yaml
 from builders import (
     block,
     chain,
@@ -21,7 +20,9 @@ from builders import (
 )
 from judges.verdict import judge
 from mechanisms import pin_friction
+from numpy.testing import assert_allclose, assert_array_equal
 from simulation_cases import Belt, arm
+from tables import table
 
 import pinfric as pf
 from pinfric.dynamics.simulation.simulate import _READ, METHODS, Numbers
@@ -36,13 +37,13 @@ def test_the_belt_sticks_and_slips_by_the_closed_form():
     slips = np.array([e.time for e in motion.events if e.kind == "slip"])
     sticks = np.array([e.time for e in motion.events if e.kind == "stick"])
     assert slips[0] == pytest.approx(belt.first_slip, rel=1e-12)
-    np.testing.assert_allclose(np.diff(slips), belt.period, rtol=1e-9)
-    np.testing.assert_allclose(sticks - slips[:4], belt.slip_time, rtol=1e-9)
+    assert_allclose(np.diff(slips), belt.period, rtol=1e-9)
+    assert_allclose(sticks - slips[:4], belt.slip_time, rtol=1e-9)
     intervals = motion.stick_intervals()
     assert len(intervals) == 5
-    np.testing.assert_allclose([i.end - i.start for i in intervals[1:]], belt.stick_time, rtol=1e-8)
+    assert_allclose([i.end - i.start for i in intervals[1:]], belt.stick_time, rtol=1e-8)
     expected = [belt.position(t) for t in motion.t]
-    np.testing.assert_allclose(motion.q[:, 0], expected, atol=1e-9)
+    assert_allclose(motion.q[:, 0], expected, atol=1e-9)
 
 
 @pytest.mark.slow
@@ -58,7 +59,7 @@ def test_samples_of_a_stick_are_at_rest_exactly_and_inverse_dynamics_sees_them()
     assert (inverse.effort_lower <= motion.effort + 1e-9).all()
     assert (inverse.effort_upper >= motion.effort - 1e-9).all()
     slides = ~inverse.sticking[:, 0] & ~inverse.reversal[:, 0]
-    np.testing.assert_allclose(inverse.effort_lower[slides], motion.effort[slides], atol=1e-10)
+    assert_allclose(inverse.effort_lower[slides], motion.effort[slides], atol=1e-10)
     assert judge(inverse).passed()
 
 
@@ -75,8 +76,8 @@ def pinned_body(b: float) -> pf.Scene:
 def test_spin_down_by_the_closed_form(b):
     k, v0 = b / np.sqrt(1 - b**2), 3.0
     motion = pf.simulate(pinned_body(b), [0.0], [v0], [0.0], 2.0, rtol=1e-10, atol=1e-12)
-    np.testing.assert_allclose(motion.v[:, 0], v0 / (1 + k * v0 * motion.t), rtol=1e-8)
-    np.testing.assert_allclose(motion.q[:, 0], np.log1p(k * v0 * motion.t) / k, rtol=1e-8)
+    assert_allclose(motion.v[:, 0], v0 / (1 + k * v0 * motion.t), rtol=1e-8)
+    assert_allclose(motion.q[:, 0], np.log1p(k * v0 * motion.t) / k, rtol=1e-8)
     assert motion.events == ()  # it never comes to rest
     assert motion.evaluations < 3000
 
@@ -149,9 +150,9 @@ def test_a_free_body_keeps_its_momentum_and_energy():
     for q, v in zip(motion.q, motion.v, strict=True):
         pin.computeCentroidalMomentum(model, data, q, v)
         momenta.append(data.oMi[1].act(model.inertias[1] * pin.Motion(v)).vector)
-    np.testing.assert_allclose(momenta, np.tile(momenta[0], (len(momenta), 1)), atol=1e-7)
+    assert_allclose(momenta, np.tile(momenta[0], (len(momenta), 1)), atol=1e-7)
     assert abs(motion.energy().residual) < 1e-8
-    np.testing.assert_allclose(np.linalg.norm(motion.q[:, 3:], axis=1), 1.0, atol=1e-12)
+    assert_allclose(np.linalg.norm(motion.q[:, 3:], axis=1), 1.0, atol=1e-12)
 
 
 @pytest.mark.parametrize("joint", [pin.JointModelPlanar, pin.JointModelSpherical])
@@ -179,7 +180,7 @@ def test_joints_of_many_degrees_keep_their_energy(joint):
         dt=2e-4,
     )
     at_one = motion.sample([1.0])
-    np.testing.assert_allclose(stepped.q[-1], at_one.q[0], atol=5e-3)
+    assert_allclose(stepped.q[-1], at_one.q[0], atol=5e-3)
 
 
 def test_a_continuous_joint_moves_like_a_revolute_one():
@@ -197,11 +198,11 @@ def test_a_continuous_joint_moves_like_a_revolute_one():
     circle = pf.simulate(pendulum(pin.JointModelRUBX), start, [9.0], [0.0], 4.0, **fine)
     assert turns.q[:, 0].max() > 2 * np.pi  # it goes over the top
     assert [e.kind for e in turns.events] == [e.kind for e in circle.events]
-    np.testing.assert_allclose([e.time for e in turns.events], [e.time for e in circle.events])
+    assert_allclose([e.time for e in turns.events], [e.time for e in circle.events])
     common = np.linspace(0, 4, 101)
     a, b = turns.sample(common), circle.sample(common)
-    np.testing.assert_allclose(np.cos(a.q[:, 0]), b.q[:, 0], atol=1e-7)
-    np.testing.assert_allclose(a.v, b.v, atol=1e-7)
+    assert_allclose(np.cos(a.q[:, 0]), b.q[:, 0], atol=1e-7)
+    assert_allclose(a.v, b.v, atol=1e-7)
 
 
 @pytest.mark.parametrize(("method", "options"), [("event", {}), ("timestepping", {"dt": 0.05})])
@@ -233,9 +234,9 @@ def test_the_paper_s_robot_sticks_when_it_should_and_its_efforts_are_recovered()
     assert (inverse.effort_lower <= motion.effort + 1e-9).all()
     assert (inverse.effort_upper >= motion.effort - 1e-9).all()
     slides = ~inverse.sticking[:, 0] & ~inverse.reversal[:, 0]
-    np.testing.assert_allclose(inverse.effort_lower[slides], motion.effort[slides], atol=1e-9)
+    assert_allclose(inverse.effort_lower[slides], motion.effort[slides], atol=1e-9)
     width = inverse.effort_upper[stuck, 1] - inverse.effort_lower[stuck, 1]
-    np.testing.assert_allclose(width, 2 * 0.35 * inverse.normal_load[stuck, 0], rtol=1e-12)
+    assert_allclose(width, 2 * 0.35 * inverse.normal_load[stuck, 0], rtol=1e-12)
     assert motion.evaluations < 2500
 
 
@@ -245,8 +246,8 @@ def test_all_three_methods_agree_on_the_paper_s_robot():
     exact = pf.simulate(scene, q0, v0, None, 1.0, rtol=1e-10)
     stepped = pf.simulate(scene, q0, v0, None, 1.0, "timestepping", dt=2.5e-4, sample_step=0.01)
     smooth = pf.simulate(scene, q0, v0, None, 1.0, "regularized", sample_step=0.01)
-    np.testing.assert_allclose(stepped.q[-1], exact.q[-1], atol=0.02)
-    np.testing.assert_allclose(smooth.q[-1], exact.q[-1], atol=0.02)
+    assert_allclose(stepped.q[-1], exact.q[-1], atol=0.02)
+    assert_allclose(smooth.q[-1], exact.q[-1], atol=0.02)
     assert np.abs(stepped.q[-1] - exact.q[-1]).max() > 1e-6
 
 
@@ -303,15 +304,18 @@ def test_what_overflows_in_the_integrator_is_no_warning_of_its_own():
         pf.simulate(scene, [0.0], [0.0], effort, 0.03, "regularized")
 
 
+CASES = """
+event  {dt: 0.001}  dt = 0.001: is for timestepping; event takes rtol, atol
+timestepping  {rtol: 1.0e-06}                   is for event and regularized; timestepping takes dt
+timestepping  {max_step: 0.1}                   max_step = 0.1: is for event and regularized
+regularized   {max_events: 5}                   max_events = 5: is for event;
+event         {regularization_velocity: 0.001}  is for regularized;
+"""
+
+
 @pytest.mark.parametrize(
     ("method", "number", "text"),
-    [
-        ("event", {"dt": 1e-3}, "dt = 0.001: is for timestepping; event takes rtol, atol"),
-        ("timestepping", {"rtol": 1e-6}, "is for event and regularized; timestepping takes dt"),
-        ("timestepping", {"max_step": 0.1}, "max_step = 0.1: is for event and regularized"),
-        ("regularized", {"max_events": 5}, "max_events = 5: is for event;"),
-        ("event", {"regularization_velocity": 1e-3}, "is for regularized;"),
-    ],
+    table(CASES, str, yaml.safe_load, str),
 )
 def test_a_number_that_the_method_would_ignore_is_refused(method, number, text):
     """Whoever gives a step expects that the error follows it."""
@@ -365,8 +369,8 @@ def test_simulations_within_and_beside_each_other_do_not_meet():
         beside = list(pool.map(lambda _: run(), range(6)))
     for other in (run(inner=True), *beside):
         for name in ("t", "q", "v", "a", "effort", "modes", "friction", "normal_load"):
-            np.testing.assert_array_equal(getattr(other, name), getattr(alone, name), name)
-    np.testing.assert_array_equal(alone.sample(np.array([0.0505])).a, middle.a)
+            assert_array_equal(getattr(other, name), getattr(alone, name), name)
+    assert_array_equal(alone.sample(np.array([0.0505])).a, middle.a)
 
 
 def test_a_motion_says_where_other_modes_may_obey(tmp_path, monkeypatch):

@@ -1,7 +1,5 @@
 """Steps of a simulation, each by itself."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from builders import plane_friction, sliding_block

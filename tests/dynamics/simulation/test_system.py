@@ -1,11 +1,10 @@
 """Efforts, payloads and wrenches of a simulation, in every form in which they may be given."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest
 from builders import block, chain, plane_friction, sliding_block
+from numpy.testing import assert_allclose, assert_array_equal
 from simulation_cases import SHORT, G, slope
 from tables import arguments, table
 
@@ -32,7 +31,7 @@ def push(t: float) -> float:
 @pytest.mark.parametrize("method", ["event", "timestepping", "regularized"])
 def test_one_effort_in_every_form(effort, method):
     motion = pf.simulate(slope(), [0.0], [0.0], effort, 1.0, method)
-    np.testing.assert_allclose(motion.effort[:, 0], 12 * motion.t, atol=1e-9)
+    assert_allclose(motion.effort[:, 0], 12 * motion.t, atol=1e-9)
     breaks_away = 0.3 * 2 * G / 12
     if method == "event":
         assert motion.events[0].time == pytest.approx(breaks_away, rel=1e-12)
@@ -75,7 +74,7 @@ simulation: {effort: {slide: %s}, t_end: 1.0}
         scene = pf.load_scene(tmp_path / "scene.yaml")
         motion = pf.simulate(scene, [0.0], [0.0], None, 1.0)
         expected = 12 * motion.t if "table" in entry else 8 * np.sin(3 * motion.t)
-        np.testing.assert_allclose(motion.effort[:, 0], expected, atol=1e-12)
+        assert_allclose(motion.effort[:, 0], expected, atol=1e-12)
         assert motion.events[0].kind == "slip"
     for name, message in (("no.csv", "cannot be read"), ("scene.yaml", "no column 't'")):
         (tmp_path / "scene.yaml").write_text(text % f"{{table: {name}}}")
@@ -87,7 +86,7 @@ def test_a_table_is_constant_beyond_its_ends_and_bends_where_it_bends():
     table = (np.array([0.2, 0.4]), np.array([[2.0], [10.0]]))
     motion = pf.simulate(slope(), [0.0], [0.0], table, 1.0)
     expected = np.interp(motion.t, *(table[0], table[1][:, 0]))
-    np.testing.assert_allclose(motion.effort[:, 0], expected, atol=1e-9)
+    assert_allclose(motion.effort[:, 0], expected, atol=1e-9)
     slip = 0.2 + 0.2 * (0.3 * 2 * G - 2) / 8
     (event,) = motion.events
     assert event.time == pytest.approx(slip, rel=1e-12)
@@ -107,7 +106,7 @@ def test_an_effort_function_may_ask_for_forward_dynamics_itself():
 
     asked = pf.simulate(scene, [0.0], [1.0], effort, 0.3)
     plain = pf.simulate(scene, [0.0], [1.0], lambda t, q, v: [0.0], 0.3)
-    np.testing.assert_array_equal(asked.q, plain.q)
+    assert_array_equal(asked.q, plain.q)
 
 
 WRONG = r"""
@@ -200,7 +199,7 @@ def test_a_controller_is_asked_once_a_period_as_in_the_exact_recursion(method, p
     scene = pf.Scene(model=block(0.0, m), friction={"slide": {"viscous": b}} if b else {})
     motion = pf.simulate(scene, [0.0], [0.3], controller, end, method, control_period=period)
     count = int(np.ceil(end / period))
-    np.testing.assert_array_equal(controller.times, np.arange(count) * period)
+    assert_array_equal(controller.times, np.arange(count) * period)
     exact, x, v = Controller(period), 0.0, 0.3
     for k in range(count):
         u, T = exact(k * period, [x], [v])[0], min(period, end - k * period)
@@ -210,13 +209,13 @@ def test_a_controller_is_asked_once_a_period_as_in_the_exact_recursion(method, p
         else:
             x, v = x + v * T + u / m * T**2 / 2, v + u / m * T
     tolerance = {"event": 1e-12, "timestepping": 1e-12, "regularized": 1e-6}[method]
-    np.testing.assert_allclose(controller.efforts, exact.efforts, atol=100 * tolerance)
+    assert_allclose(controller.efforts, exact.efforts, atol=100 * tolerance)
     assert motion.q[-1, 0] == pytest.approx(x, abs=tolerance)
     assert motion.v[-1, 0] == pytest.approx(v, abs=10 * tolerance)
     if method == "event":  # what was held is known afterwards, too
         assert abs(motion.energy().residual) < 1e-9
         again = motion.sample([0.5 * period, 1.5 * period])
-        np.testing.assert_array_equal(again.effort[:, 0], controller.efforts[:2])
+        assert_array_equal(again.effort[:, 0], controller.efforts[:2])
     assert len(controller.times) == count
 
 
@@ -249,14 +248,14 @@ def test_the_difference_of_angles_keeps_small_ones(angle):
     for first in np.random.default_rng(0).uniform(-np.pi, np.pi, 1000):
         start = np.array([np.cos(first), np.sin(first), 0.0])
         end = np.array([np.cos(first + angle), np.sin(first + angle), angle])
-        np.testing.assert_allclose(difference(model, start, end), angle, atol=1e-15)
+        assert_allclose(difference(model, start, end), angle, atol=1e-15)
 
 
 def test_a_configuration_off_its_manifold_is_normalized_with_a_warning():
     model = chain(("wheel", pin.JointModelRUBX(), pin.Inertia.Random()))
     with pytest.warns(pf.PinfricWarning, match="manifold"):
         motion = pf.simulate(pf.Scene(model=model), [2.0, 0.0], [1.0], [0.0], 0.1)
-    np.testing.assert_allclose(np.linalg.norm(motion.q, axis=1), 1.0)
+    assert_allclose(np.linalg.norm(motion.q, axis=1), 1.0)
 
 
 def test_a_payload_and_a_wrench_from_outside_act_all_the_time():
@@ -271,4 +270,4 @@ def test_a_payload_and_a_wrench_from_outside_act_all_the_time():
         empty = pf.simulate(scene, [0.0], [0.0], [1.0], 1.0, method, external=pull, attached=[])
         assert empty.v[-1, 0] == pytest.approx(G * np.sin(0.5) - 1.5, rel=1e-6)
         inverse = pf.inverse_dynamics(scene, empty, external=pull)
-        np.testing.assert_allclose(inverse.effort_lower, 1.0, atol=1e-9)
+        assert_allclose(inverse.effort_lower, 1.0, atol=1e-9)
