@@ -21,7 +21,6 @@ from pinfric.kernels.compiled import KernelArgument, kernel, record
 from pinfric.model.closure import tree_tables
 from pinfric.model.drives import most_lines
 from pinfric.model.magnitudes import LARGEST_OF_A_MOTION
-from pinfric.model.mass_matrix import bodies
 from pinfric.model.twin import Twin
 
 
@@ -251,8 +250,18 @@ def make_machine(twin: Twin, plan: Plan, supply: Supply) -> Machine:
 def make_tree(twin: Twin) -> Tree:
     """Tabulate the joints of a twin, with the masses of its payload."""
     unit_first, unit_count = unit_parts(twin.model)
-    links, parent = bodies(twin), tree_tables(twin)[0]
-    mass = links.mass.copy()
+    parent, mass = tree_tables(twin)[0], np.array([body.mass for body in twin.model.inertias])[1:]
+    joint, column, twist = [], [], []
+    for j in range(twin.n_joints):
+        if twin.components[j, 0] < 0:
+            joint.append(j)
+            column.append(int(twin.v_index[j]))
+            twist.append(twin.ratio[j] * twin.axis[j])
+        for n, component in enumerate(twin.components[j]):
+            if component >= 0:
+                joint.append(j)
+                column.append(int(twin.v_index[j]) + n)
+                twist.append(np.eye(6)[component])
     for j in range(len(mass) - 1, 0, -1):  # parents come before their children
         if parent[j] >= 0:
             mass[parent[j]] += mass[j]
@@ -261,9 +270,9 @@ def make_tree(twin: Twin) -> Tree:
         mass=mass,
         gravity=np.array(twin.model.gravity.linear),
         armature=twin.armature.copy(),
-        first_freedom=links.first,
-        freedom_velocity=links.column,
-        twist=links.twist,
+        first_freedom=np.searchsorted(joint, np.arange(twin.n_joints + 1)).astype(np.int64),
+        freedom_velocity=np.array(column, dtype=np.int64),
+        twist=np.array(twist, dtype=float).reshape(-1, 6),
         unit_first=unit_first,
         unit_count=unit_count,
     )
