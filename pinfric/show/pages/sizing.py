@@ -102,6 +102,7 @@ def sizing_page(report: SizingReport, command: str = "", inputs: Iterable[str | 
         if value is not None and value != {}:
             shown = f"{value:g}" if isinstance(value, float) else str(value)
             said.append(f"{name} {shown}{given}")
+    failing = by_text(found.verdict.failing)
     documents = by_text(line for drive in report.drives if drive for line in drive.sources)
     return page(
         "sizing",
@@ -138,6 +139,7 @@ def sizing_page(report: SizingReport, command: str = "", inputs: Iterable[str | 
         stop_lines=stop_lines(found),
         verdict="" if report.catalog is None else verdict(report),
         unchecked=unchecked_table(found, title=""),
+        failing=[f"{', '.join(of)}: {text}" for text, of in failing.items()],
         products=product_lines(found),
         remarks_of_all=shared,
         ask=ask_table(found, _ASKED),
