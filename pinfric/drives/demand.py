@@ -247,7 +247,8 @@ def gear_demand(
     unit, bearing, guide = effort_unit(result.scene, actuator), None, None
     joint = driven_joint(result.scene, actuator)
     if carried and unit == "N":
-        bearing = screw_load(cycle)
+        none = np.zeros_like(worst)  # of a screw's nut: the effort along it
+        bearing = bearing_load(t, cycle.velocity, none, worst, none)
         guide = None if joint is None else guide_load(result, joint - 1, wrench)
     elif carried and joint is not None:
         across = joint_loads(result, joint - 1, wrench)
@@ -298,13 +299,6 @@ def driven_joint(scene: Scene, actuator: int) -> int | None:
     moved = scene.drives[actuator].velocity_index
     joints = list(enumerate(scene.model.joints))[1:]
     return next((i for i, joint in joints if joint.nv == 1 and joint.idx_v == moved), None)
-
-
-def screw_load(cycle: DriveCycle) -> BearingLoad:
-    """Return the load of a screw's nut: the joint's effort, worst of its interval."""
-    worst, _ = cycle.ends
-    none = np.zeros_like(worst)
-    return bearing_load(cycle.stretched, cycle.velocity, none, worst, none)
 
 
 def average_output_effort(

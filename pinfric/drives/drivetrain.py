@@ -472,17 +472,6 @@ def drives_of(catalog: Catalog, linear: bool) -> Iterator[tuple[str, Callable[[]
             yield name, partial(gearmotor_drive, name, gearmotor)
 
 
-def find_drive(catalog: Catalog, name: str, linear: bool | None = None) -> Candidate | list[str]:
-    """Return the drive of a name ("motor + gear"), or all names where there is none.
-
-    Args:
-        catalog: what there is. name: as `size` prints it. linear: kind of its output; None: any.
-    """
-    kinds = (False, True) if linear is None else (linear,)
-    made = {found: make for kind in kinds for found, make in drives_of(catalog, kind)}
-    return made[name]() if name in made else list(made)
-
-
 def drive_name(motor: str, gear: str, entry: Gear, ratio: float) -> str:
     """Return the name of a motor behind a gear."""
     return f"{motor} + {gear}" + (f", i = {ratio:g}" if len(entry.ratios) > 1 else "")

@@ -11,7 +11,7 @@ from pinfric.drives.bearing import BearingRatings
 from pinfric.drives.catalog import Amplifier, Catalog
 from pinfric.drives.criterion import Criterion
 from pinfric.drives.demand import drive_cycle, gear_demand
-from pinfric.drives.drivetrain import Candidate, find_drive, motor_cycle
+from pinfric.drives.drivetrain import Candidate, drives_of, motor_cycle
 from pinfric.drives.limit import JointCase
 from pinfric.drives.limits import check
 from pinfric.drives.policy import BASE_AXES, OTHERS, Conditions
@@ -31,13 +31,13 @@ def named_drive(
         CatalogError: there is none for such a joint; as `own_parts`.
     """
     linear = effort_unit(scene, actuator) == "N"
-    found = find_drive(catalog, name, linear)
-    if isinstance(found, list):
+    drives = dict(drives_of(catalog, linear))
+    if name not in drives:
         raise CatalogError(
-            f"the catalogue has no drive {name!r} ({catalog.source}); {choose_from(name, found)}"
+            f"the catalogue has no drive {name!r} ({catalog.source}); {choose_from(name, drives)}"
         )
     parts: dict[str, Any] = own_parts(catalog, conditions, scene.drives[actuator].name, linear)
-    return replace(found, **parts)
+    return replace(drives[name](), **parts)
 
 
 def criteria_over(
