@@ -1,8 +1,7 @@
 """Do the links hold the drives: what they weigh beside what they would hold, by hand."""
 
-import numpy as np
 import pytest
-from builders import lump, row
+from builders import lump, row, still
 from sizing_cases import GEAR, MOTOR, one_drive, write_catalog
 
 import pinfric as pf
@@ -19,11 +18,6 @@ def arm(mass, masses):
     names = [f"joint_{k + 1}" for k in range(3)]
     model = row(names, lump(mass, [LENGTH / 2, 0, 0]), LENGTH)
     return pf.Scene(model, masses=masses, stick_velocity=0.0)
-
-
-def still(scene):
-    zero = np.zeros((2, scene.model.nv))
-    return pf.Trajectory.from_arrays(scene, np.array([0.0, 1.0]), zero, zero, zero)
 
 
 def sized(tmp_path, mass, masses, **conditions):

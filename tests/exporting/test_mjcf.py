@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 import pinocchio as pin
 import pytest
-from builders import example, random_states, random_tree
+from builders import chain, example, random_states, random_tree
 from export_cases import moved
 from robot_cases import joint as urdf_joint
 from robot_cases import link, urdf
@@ -139,14 +139,10 @@ def test_mujoco_has_the_same_robot(seed):
 
 
 def test_links_without_mass_load():
-    model = pin.Model()
-    first = model.addJoint(0, pin.JointModelRZ(), pin.SE3.Identity(), "first")
-    second = model.addJoint(first, pin.JointModelRX(), pin.SE3.Identity(), "second")
     rod = pin.Inertia(
         1.0, np.zeros(3), pin.exp3(np.ones(3)) @ np.diag([0.1, 0.2, 0.3]) @ pin.exp3(-np.ones(3))
     )  # a plate: C = A + B but for rounding
-    model.appendBodyToJoint(second, rod, pin.SE3.Identity())
-    scene = pf.Scene(model=model)
+    scene = pf.Scene(chain(("first", pin.JointModelRZ()), ("second", pin.JointModelRX(), rod)))
     made = mujoco.MjModel.from_xml_string(pf.export(scene, moved(scene)).text)
     assert made.nv == 2
     assert made.body_mass[1] < 1e-8

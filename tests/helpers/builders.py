@@ -169,6 +169,12 @@ def chain(*links: tuple, gravity: float = 9.81, beside: bool = False) -> pin.Mod
     return model
 
 
+def still(scene: pf.Scene, duration: float = 1.0) -> pf.Trajectory:
+    """Everything stands still, stretched out."""
+    zero = np.zeros((2, scene.model.nv))
+    return pf.Trajectory.from_arrays(scene, np.array([0.0, duration]), zero, zero, zero)
+
+
 def row(names: Iterable[str], body: pin.Inertia, step: float) -> pin.Model:
     """Equal links along x that turn about y, `step` (m) from one joint to the next."""
     first = [0.0, 0.0, 0.0]

@@ -1,6 +1,5 @@
 """One axis and an arm of two that tests of stops share."""
 
-import numpy as np
 import pinocchio as pin
 from builders import chain, lump
 from mechanisms import shifted
@@ -22,15 +21,14 @@ ARM = {
 
 def arm(gravity=-9.81):
     """Two bars that turn about horizontal axes, with Coulomb friction."""
-    model = pin.Model()
-    model.gravity.linear = np.array([0.0, 0.0, gravity])
-    parent, offset = 0, pin.SE3.Identity()
-    for k, name in enumerate(("lift", "elbow")):
-        parent = model.addJoint(parent, pin.JointModelRY(), offset, name)
-        body = lump(ARM["masses"][k], [ARM["centres"][k], 0, 0], ARM["inertias"][k])
-        model.appendBodyToJoint(parent, body, pin.SE3.Identity())
-        offset = shifted(ARM["lengths"][k])
-    model.addBodyFrame("tip", parent, offset, 0)
+    bodies = [
+        lump(mass, [at, 0, 0], inertia)
+        for mass, at, inertia in zip(ARM["masses"], ARM["centres"], ARM["inertias"], strict=True)
+    ]
+    turn, lengths = pin.JointModelRY(), ARM["lengths"]
+    elbow = ("elbow", turn, bodies[1], [lengths[0], 0, 0])
+    model = chain(("lift", turn, bodies[0]), elbow, gravity=-gravity)
+    model.addBodyFrame("tip", 2, shifted(lengths[1]), 0)
     return pf.Scene(
         model,
         friction={

@@ -7,7 +7,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 import yaml
-from builders import dry, gantry, lump, random_friction, random_states, random_tree
+from builders import chain, dry, gantry, lump, random_friction, random_states, random_tree
 from judges.verdict import judge
 from mechanisms import pin_friction, shifted
 from scipy.optimize import linprog
@@ -53,12 +53,9 @@ def _arm(seed: int, friction: bool = True, **gear: object) -> pf.Scene:
 
 def _planar(lengths: tuple[float, float] = (0.4, 0.3)) -> pin.Model:
     """Two parallel axes in a vertical plane, point masses 3 and 2 kg at the links' ends."""
-    model = pin.Model()
-    for parent, (length, mass) in enumerate(zip((0.0, lengths[0]), (3.0, 2.0), strict=True)):
-        place = shifted(length)
-        added = model.addJoint(parent, pin.JointModelRZ(), place, f"j{parent + 1}")
-        body = pin.Inertia(mass, np.array([lengths[parent], 0.0, 0.0]), np.zeros((3, 3)))
-        model.appendBodyToJoint(added, body, pin.SE3.Identity())
+    ends = [lump(m, [x, 0, 0], 0.0) for m, x in zip((3.0, 2.0), lengths, strict=True)]
+    turn = pin.JointModelRZ()
+    model = chain(("j1", turn, ends[0]), ("j2", turn, ends[1], [lengths[0], 0, 0]))
     model.gravity.linear = np.array([0.0, -9.81, 0.0])
     return model
 
@@ -317,20 +314,18 @@ actuators: [{joint: wrist_2_joint}, {joint: wrist_3_joint, couples: {wrist_2_joi
 
 def _wrist() -> pin.Model:
     """Four joints: upright, two across, along the last link."""
-    model, parent = pin.Model(), 0
     bodies = [
         (pin.JointModelRZ(), (0, 0, 0.3), 4.0, (0.02, 0, 0.1), (0.03, 0.04, 0.05)),
         (pin.JointModelRY(), (0, 0, 0.2), 3.0, (0.2, 0.01, 0), (0.01, 0.05, 0.045)),
         (pin.JointModelRY(), (0.4, 0, 0), 2.0, (0.15, 0, 0.02), (0.008, 0.02, 0.025)),
         (pin.JointModelRX(), (0.3, 0, 0.02), 1.2, (0.05, 0.03, -0.02), (0.004, 0.006, 0.005)),
     ]
-    for n, (kind, place, mass, com, inertia) in enumerate(bodies):
-        parent = model.addJoint(
-            parent, kind, pin.SE3(np.eye(3), np.array(place, float)), f"j{n + 1}"
+    return chain(
+        *(
+            (f"j{n}", kind, pin.Inertia(mass, np.array(com, float), np.diag(inertia)), place)
+            for n, (kind, place, mass, com, inertia) in enumerate(bodies, 1)
         )
-        body = pin.Inertia(mass, np.array(com, float), np.diag(inertia))
-        model.appendBodyToJoint(parent, body, pin.SE3.Identity())
-    return model
+    )
 
 
 def _something_holds(

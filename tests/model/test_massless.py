@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 import pinocchio as pin
 import pytest
-from builders import chain
+from builders import chain, still
 from cases import slider_crank
 from numpy.testing import assert_allclose
 from sizing_cases import GEAR, MOTOR, write_catalog
@@ -26,18 +26,11 @@ def point(place):
 
 def arm(finger=None, mass=2.0, **options):
     """`shoulder` carries 2 kg at 0.25 m, J 0.0416 kg m^2, `grip` nothing or a body at its end."""
-    model = pin.Model()
-    model.gravity.linear = np.array([0.0, 0.0, -9.81])
-    shoulder = model.addJoint(0, pin.JointModelRY(), pin.SE3.Identity(), "shoulder")
     body = pin.Inertia(mass, np.array([0.25, 0, 0]), np.diag([0.001, 0.0416, 0.0416]))
-    if mass:
-        model.appendBodyToJoint(shoulder, body, pin.SE3.Identity())
-    place = pin.SE3(np.eye(3), np.array([0.5, 0, 0]))
-    grip = model.addJoint(shoulder, pin.JointModelRY(), place, "grip")
-    if finger is not None:
-        model.appendBodyToJoint(grip, finger, pin.SE3.Identity())
-    model.addJointFrame(shoulder)
-    model.addBodyFrame("finger", grip, pin.SE3.Identity(), int(model.addJointFrame(grip)))
+    grip = ("grip", pin.JointModelRY(), finger or pin.Inertia.Zero(), [0.5, 0, 0])
+    model = chain(("shoulder", pin.JointModelRY(), *[body] * bool(mass)), grip)
+    model.addJointFrame(1)
+    model.addBodyFrame("finger", 2, pin.SE3.Identity(), int(model.addJointFrame(2)))
     return pf.Scene(model, **{"friction": FRICTION, **options})
 
 
@@ -122,11 +115,6 @@ def test_forward_dynamics_is_that_of_the_arm_alone():
     assert found.friction[0] == pytest.approx(0.29)
     with pytest.raises(PinfricError, match="grip moves no mass"):
         pf.forward_dynamics(arm(), [0.3, 0.1], [0.5, 0.0], [1.0, -0.31])
-
-
-def still(scene):
-    zero = np.zeros((2, 2))
-    return pf.Trajectory.from_arrays(scene, np.array([0.0, 1.0]), zero, zero, zero)
 
 
 def test_it_is_not_sized(tmp_path):

@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pinocchio as pin
 import pytest
-from builders import chain, dry, example, lump, row
+from builders import chain, dry, example, lump, row, still
 from cases import resting_four_bar
 from mechanisms import shifted
 from numpy.testing import assert_allclose
@@ -58,12 +58,6 @@ def arm(links=2, mass=1.0, length=0.5, friction=None):
     """Links hanging on axes along y, held out along x: gravity loads every joint."""
     names = (f"joint_{j + 1}" for j in range(links))
     return pf.Scene(row(names, lump(mass, [length / 2, 0, 0]), length), friction=friction or {})
-
-
-def still(scene, duration=1.0):
-    """Everything stands still, stretched out."""
-    zero = np.zeros((2, scene.model.nv))
-    return pf.Trajectory.from_arrays(scene, np.array([0.0, duration]), zero, zero, zero)
 
 
 def test_peak_rms_and_speed_of_the_trapezoidal_cycle():

@@ -5,7 +5,7 @@ from itertools import product
 import numpy as np
 import pinocchio as pin
 import pytest
-from builders import example, lump
+from builders import chain, example, lump
 from mechanisms import shifted
 from numpy.testing import assert_allclose
 from stop_cases import axis
@@ -22,13 +22,11 @@ NAMES = ("turn", "lift", "elbow")
 
 def three_axes():
     """A column that turns and two bars on it; gears whose efficiencies give `BACK`."""
-    model, parent, offset = pin.Model(), 0, pin.SE3.Identity()
-    for k, name in enumerate(NAMES):
-        joint = pin.JointModelRZ() if k == 0 else pin.JointModelRY()
-        parent = model.addJoint(parent, joint, offset, name)
-        model.appendBodyToJoint(parent, lump(4.0 - k, [0.2, 0.05, 0.1], 0.1), pin.SE3.Identity())
-        offset = shifted(0.4)
-    model.addBodyFrame("tip", parent, offset, 0)
+    turns = pin.JointModelRZ(), pin.JointModelRY(), pin.JointModelRY()
+    bodies = (lump(mass, [0.2, 0.05, 0.1], 0.1) for mass in (4.0, 3.0, 2.0))
+    places = [0.0, 0.0, 0.0], [0.4, 0.0, 0.0], [0.4, 0.0, 0.0]
+    model = chain(*zip(NAMES, turns, bodies, places, strict=True))
+    model.addBodyFrame("tip", 3, shifted(0.4), 0)
     gears = {
         name: {
             "ratio": RATIOS[k],

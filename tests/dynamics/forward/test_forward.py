@@ -16,7 +16,7 @@ from builders import (
     sliding_block,
 )
 from judges.fewest_slips import fewest_slips
-from mechanisms import beside, four_bar, pin_friction, shifted
+from mechanisms import beside, four_bar, pin_friction
 from numpy.testing import assert_allclose, assert_array_equal
 from tables import arguments, table
 
@@ -350,13 +350,9 @@ def test_a_joint_that_moves_no_mass_is_an_error():
 
 
 def test_the_joint_that_moves_no_mass_is_named_among_others():
-    model, parent = pin.Model(), 0
-    heavy = pin.Inertia.FromSphere(1.0, 0.1)
-    bodies = [heavy, heavy, pin.Inertia.Zero()]
-    away = shifted(0.3)
-    for name, body in zip(("first", "second", "third"), bodies, strict=True):
-        parent = model.addJoint(parent, pin.JointModelRZ(), away, name)
-        model.appendBodyToJoint(parent, body, away)
+    away, turn = [0.3, 0.0, 0.0], pin.JointModelRZ()
+    bodies = {"first": lump(1.0, away), "second": lump(1.0, away), "third": pin.Inertia.Zero()}
+    model = chain(*((name, turn, body, away) for name, body in bodies.items()))
     with pytest.raises(SceneError, match="third moves no mass"):
         pf.forward_dynamics(pf.Scene(model=model), np.zeros(3), np.zeros(3), np.ones(3))
 
