@@ -1,7 +1,7 @@
 """Stick and slip of joints that can only move together, as in a closed mechanism.
 
 Statics does not determine how they share the load: the equations r = 0 depend on each other. Of all
-x that hold, the one with the least t is chosen:
+frictions in equilibrium the one is taken whose largest ratio to its limit, t, is least:
 
     |x_k| <= t limit_k,      0 = rate_free + A^T A x
 

@@ -167,6 +167,8 @@ _GRAVITY = (
 )
 #: Passes of the search: a constant, and a number per coordinate.
 _CHANGES, _FOR_EACH = 60, 20
+#: How often all wrong modes may change at once without fewer of them than ever before.
+_PATIENCE = 10
 #: A ball's direction that turns by no more than this stays.
 _TURNED = 1e-8
 #: How often several balls take turns, and then steps of Newton's method over all.
@@ -323,7 +325,7 @@ def search(
 ) -> Found:
     """Find the modes of the coordinates at rest; those that move keep theirs.
 
-    A joint that rests only because it is at its dead centre reverses with the mechanism.
+    At a dead centre a joint has no velocity although the mechanism moves; it is not at rest.
 
     Args:
         modes: with `at_rest`, and the modes of the others, set; overwritten with the answer.
@@ -537,11 +539,23 @@ def _enumerate(
     Where all answers of these are unstable, a joint that they let stick breaks away: more may slip.
     """
     status, unstable = Found.NONE, list[Answer]()
-    for ways in levels:
-        found, consistent = _try_all(query, ways)
-        status = found if found == Found.NOT_CONVERGED else status
-        if found in (Found.UNDECIDED, Found.AMBIGUOUS):
-            return found
+    modes = query.modes
+    for level in levels:
+        consistent = list[Answer]()
+        for ways in level:
+            if query.left <= 0:
+                return Found.UNDECIDED
+            _stick(modes, query.mechanism, ways)
+            query.count.tried += 1
+            solutions, obeying = _settle(query)
+            status = Found.NOT_CONVERGED if solutions < 0 else status
+            answers = list(query.found)
+            if obeying > 1 and all(_same(answers[0].modes, one.modes) for one in answers):
+                query.count.many = obeying, obeying
+                return Found.AMBIGUOUS
+            for answer in answers or [Answer(modes.copy())] * (obeying == 1):
+                if not any(_same(answer.modes, other.modes) for other in consistent):
+                    consistent.append(answer)
         if len(consistent) > 1 and held is not None:
             stay = held & ~np.isin(np.arange(len(held)), list(forced))
             consistent = [one for one in consistent if one.modes.stuck[stay].all()] or consistent
@@ -549,27 +563,6 @@ def _enumerate(
             return query.choose(unstable + consistent)
         unstable += consistent
     return query.choose(unstable) if unstable else status
-
-
-def _try_all(query: _Query, every: list[dict[int, float]]) -> tuple[Found, list[Answer]]:
-    """Return the different solutions that obey, joints slipping in each of the ways given."""
-    modes, consistent, status = query.modes, list[Answer](), Found.NONE
-    for ways in every:
-        if query.left <= 0:
-            return Found.UNDECIDED, []
-        _stick(modes, query.mechanism, ways)
-        query.count.tried += 1
-        solutions, obeying = _settle(query)
-        if solutions < 0:
-            status = Found.NOT_CONVERGED
-        answers = list(query.found)
-        if obeying > 1 and all(_same(answers[0].modes, one.modes) for one in answers):
-            query.count.many = obeying, obeying
-            return Found.AMBIGUOUS, []
-        for answer in answers or [Answer(modes.copy())] * (obeying == 1):
-            if not any(_same(answer.modes, other.modes) for other in consistent):
-                consistent.append(answer)
-    return status, consistent
 
 
 def _settle(query: _Query) -> tuple[int, int]:
@@ -612,26 +605,6 @@ def outcome(solutions: int, obeying: int) -> Found:
     return (Found.NONE, Found.SOLVED, Found.AMBIGUOUS)[min(obeying, 2)]
 
 
-@dataclass
-class _Patience:
-    """Whether all wrong modes may change at once: as long as this sometimes reduces their number.
-
-    Attributes:
-        fewest: that were wrong so far. left: how often more may be from now on.
-    """
-
-    fewest: int
-    left: int = 10
-
-    def lasts(self, wrong: int) -> bool:
-        """Count a pass in which so many are wrong; False: only one of them may change."""
-        if wrong < self.fewest:
-            self.fewest, self.left = wrong, 10
-            return True
-        self.left -= 1
-        return self.left >= 0
-
-
 def given(problem: Problem, modes: Modes, mechanism: Mechanism, count: Count) -> Found:
     """Solve the modes as they are; of several answers that gears leave the only stable one."""
     query, count.island = _Query(problem, modes, mechanism, count, every=False), count.island[:0]
@@ -655,7 +628,7 @@ def _follow_or_try(
     found = _follow(_Query(problem, modes, mechanism, count, every=False), set())
     if found != Found.SOLVED and mechanism.closed:
         modes.take(start)
-        modes.stuck[modes.at_rest], modes.direction[modes.at_rest] = True, 0.0
+        _stick(modes, mechanism, {})
         found = _follow(_Query(problem, modes, mechanism, count, every=False), set())
     if found != Found.SOLVED and int(modes.at_rest.sum()) <= MOST_ENUMERATED:
         return _search(problem, modes, mechanism, count, *search)
@@ -670,7 +643,7 @@ def _follow(query: _Query, fixed: set[int]) -> Found:
     that slips from rest depends on its friction, and is iterated.
     """
     modes, mechanism = query.modes, query.mechanism
-    all_at_once = _Patience(len(modes.stuck) + 1)
+    fewest, patience = len(modes.stuck) + 1, _PATIENCE
     for _ in range(_CHANGES + _FOR_EACH * len(modes.stuck)):
         if query.left <= 0:
             return Found.UNDECIDED
@@ -685,7 +658,9 @@ def _follow(query: _Query, fixed: set[int]) -> Found:
         wrong = [int(c) for c in np.flatnonzero(modes.verdict) if c not in fixed]
         if not wrong:
             return Found.NONE  # what must slip would not
-        if not all_at_once.lasts(len(wrong)):
+        patience = _PATIENCE if len(wrong) < fewest else patience - 1
+        fewest = min(fewest, len(wrong))
+        if patience < 0:
             last = mechanism.block[wrong[-1]]
             wrong = [c for c in wrong if mechanism.block[c] == last]
         alone = [c for c in wrong if mechanism.idle[c] and len(wrong) == 1 and not modes.stuck[c]]

@@ -291,10 +291,7 @@ class Workspace:
         a[self.held] = 0.0
 
     def _forget(self) -> None:
-        """Forget the last solution, a guess of the next one.
-
-        Where there may be several it would decide which is found: the state alone has to.
-        """
+        """Drop the warm start: with several solutions it would decide which one is found."""
         self.modes.friction[:1] = np.nan
         self.modes.load[:] = self.modes.effort[:] = 0.0
 
