@@ -649,9 +649,8 @@ def test_remarks_and_stand_ins_of_what_was_chosen_are_printed_everywhere(tmp_pat
     )
     console = Console(file=StringIO(), width=400)
     console.print(*sizing_report(report, verbose=False), sep="\n")
-    page = sizing_page(report)
-    for line in joint.installed.notes:
-        assert line in console.file.getvalue()
+    page = sizing_page(report).replace("<b>", "").replace("</b>", "")
+    assert all(line in console.file.getvalue() for line in joint.installed.notes)
+    for line in (*joint.installed.notes, *joint.installed.stand_ins):
         assert line in page
-    assert all(line in page for line in joint.installed.stand_ins)
     assert "0.48 of the rating, which needs a fan" in page
