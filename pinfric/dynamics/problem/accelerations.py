@@ -393,11 +393,12 @@ def _reduce(machine: Machine, d: int, closed: bool) -> bool:  # noqa: C901
     L, Y = machine.scratch.lower, machine.scratch.right
     if not closed:
         for i in range(nv):
-            Y[i, 0] = push[i]
+            row = nv - 1 - i  # the last first: what is 0 in M between two branches is 0 in L
+            Y[row, 0] = push[i]
             for j in range(nv):
-                L[i, j] = M[i, j]
+                L[row, nv - 1 - j] = M[i, j]
             for c in range(nc):
-                Y[i, 1 + c] = D[c, i]
+                Y[row, 1 + c] = D[c, i]
     else:
         L, Y, MZ = np.zeros((d, d)), np.zeros((d, 1 + nc)), np.zeros((nv, d))
         for i in range(nv):
@@ -418,7 +419,7 @@ def _reduce(machine: Machine, d: int, closed: bool) -> bool:  # noqa: C901
         for k in range(1 + nc):
             a_map[i, k] = a_closure[i] if k == 0 else 0.0
             if not closed:
-                a_map[i, k] += Y[i, k]
+                a_map[i, k] += Y[nv - 1 - i, k]
         if closed:
             for f in range(d):
                 for k in range(1 + nc):
@@ -432,7 +433,7 @@ def substitute(L: np.ndarray, Y: np.ndarray, factor: np.ndarray) -> None:
     d, columns = Y.shape
     for f in range(d):
         for g in range(f):
-            for k in range(columns):
+            for k in range(columns if L[f, g] != 0.0 else 0):
                 Y[f, k] -= L[f, g] * Y[g, k]
         for k in range(columns):
             Y[f, k] /= L[f, f]
@@ -440,7 +441,7 @@ def substitute(L: np.ndarray, Y: np.ndarray, factor: np.ndarray) -> None:
                 factor[f, k - 1] = Y[f, k]
     for f in range(d - 1, -1, -1):
         for g in range(f + 1, d):
-            for k in range(columns):
+            for k in range(columns if L[g, f] != 0.0 else 0):
                 Y[f, k] -= L[g, f] * Y[g, k]
         for k in range(columns):
             Y[f, k] /= L[f, f]
@@ -484,12 +485,15 @@ def _write_problem_rates(machine: Machine, v: np.ndarray, step: float) -> None:
         rate_free[c], rate_scale[c] = scale * total + offset, size
         for f in range(d):
             factor[f, c] *= root
+    rate_slope[:] = 0.0
+    for f in range(d):
+        for c in range(nc):
+            share = factor[f, c]
+            for e in range(c + 1 if share != 0.0 else 0):
+                rate_slope[c, e] += share * factor[f, e]
     for c in range(nc):
-        for e in range(c + 1):
-            total = 0.0
-            for f in range(d):
-                total += factor[f, c] * factor[f, e]
-            rate_slope[c, e] = rate_slope[e, c] = total
+        for e in range(c):
+            rate_slope[e, c] = rate_slope[c, e]
 
 
 @kernel
