@@ -39,7 +39,15 @@ from identify_cases import (
     truth,
     whole_friction,
 )
-from identify_wrong_models import CASES, FALL, LATE, STATIC, stribeck_truth, wrong_log
+from identify_wrong_models import (
+    CASES,
+    FALL,
+    LATE,
+    STATIC,
+    falling_truth,
+    stribeck_truth,
+    wrong_log,
+)
 
 import pinfric as pf
 from pinfric.errors import IdentificationError
@@ -92,6 +100,12 @@ def hidden(case: str) -> dict[str, tuple[float, float]]:
             known[f"friction.{name}.viscous"] = viscous, viscous
         if case in STRIBECK:
             known[f"friction.{name}.stribeck.velocity"] = FALL, FALL
+    if case == "falling load":
+        for name in names[1:3]:
+            known[f"friction.{name}.mu"] = 0.05, 0.05
+            known[f"friction.{name}.mu.static"] = 0.3, 0.3
+            known[f"friction.{name}.stribeck.velocity"] = FALL, FALL
+        return known
     known[f"friction.{names[2]}.mu"] = MU, MU
     product = EFFICIENCY * BACK_EFFICIENCY
     known[f"transmission.{names[1]}.efficiency_product"] = product, product
@@ -102,7 +116,7 @@ def outcome(case: str, seed: int) -> Outcome | None:
     """Identify one log and compare with the truth; None where the log is refused."""
     made = "true" if case == NO_BEARING else case
     given, other = wrong_log(made, seed), wrong_log(made, seed + 1000, 30.0)
-    scene = guess(seed, bearing=case != NO_BEARING)
+    scene = guess(seed, bearing=case not in (NO_BEARING, "falling load"))
     if case == "payload":  # with masses wrong as well most such logs are refused
         scene = scene.with_(model=truth().model)
     start = time.process_time()
@@ -120,6 +134,7 @@ def outcome(case: str, seed: int) -> Outcome | None:
     }
     motion = excitation(99, 20.0, 100.0)
     robot = stribeck_truth(exponent=STRIBECK[case]) if case in STRIBECK else truth()
+    robot = falling_truth() if case == "falling load" else robot
     true = motor_effort(robot, motion)
     off = true - motor_effort(found.scene, motion)
     error = np.sqrt(np.mean(off**2, axis=0) / np.mean(true**2, axis=0))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection
 from dataclasses import replace
 
+from pinfric.model.bearings import Gear
 from pinfric.model.friction_terms import DirectedCoulombFriction
 from pinfric.model.scene import Scene
 
@@ -14,7 +15,7 @@ def drive_friction(scene: Scene) -> dict[str, dict[str, str]]:
 
     Coulomb and viscous friction that a starting scene guessed ("guessed": by what motors of a
     UR10e draw), that was measured on the motor's side ("measured by motor currents"), or beside
-    which `includes_drive` stands. Another drive brings its own losses instead.
+    which `includes_drive` stands; and what its gear loses. Another drive brings its own losses.
     """
     guesses = {} if scene.assumed is None else scene.assumed.values
     by_motors = scene.measured is not None and scene.measured.side == "motor"
@@ -25,9 +26,12 @@ def drive_friction(scene: Scene) -> dict[str, dict[str, str]]:
             if f"friction.{name}.{key}" in guesses
             else "measured by motor currents"
             if by_motors
+            else "the loss of its gear"
+            if key == "mu"
             else "with `includes_drive`" * entry.includes_drive
             for key, term in entry
-            if key in ("coulomb", "viscous") and term
+            if (key in ("coulomb", "viscous") or (key == "mu" and isinstance(entry.bearing, Gear)))
+            and term
         }
         found[name] = {key: text for key, text in why.items() if text}
     return {name: why for name, why in found.items() if why}

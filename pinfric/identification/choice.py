@@ -280,8 +280,8 @@ def not_ruled_out(
     def load(law: Law) -> tuple[str, bool]:
         return law.load, law.both_ways
 
-    def beside(law: Law) -> tuple[bool, float | None, bool]:
-        return law.coulomb, law.exponent, law.stribeck
+    def beside(law: Law) -> tuple[bool, float | None, tuple[int, ...]]:
+        return law.coulomb, law.exponent, law.falls
 
     best: dict[tuple[str, bool], Law] = {}
     for law in sorted(errors, key=lambda law: float(errors[law].sum())):

@@ -94,7 +94,8 @@ class Prepared:
         effort: time -> (., nj) low-passed, payloads' and springs' part taken out. A cubic spline:
             between samples, means of two would have less noise, and delays be drawn there.
         payload: (T, nj) what payloads take, less what springs give, N m or N.
-        load: (T, nj) effort without friction of the present estimate, N m or N.
+        load, bearing: (T, nj) effort without friction, and the load of the joint's bearing, or of
+            its gear where the scene names none, of the present estimate; N m or N.
         presliding: (n, nj, 3) of friction that builds up after reversals; only the delay has it.
         turns: (n, nj) sliding rows so soon after a reversal that friction may still build up.
         missing: (T, nj) gravity by the URDF where the efforts hold none, else 0, N m or N.
@@ -108,6 +109,7 @@ class Prepared:
     effort: BSpline
     payload: FloatArray
     load: FloatArray
+    bearing: FloatArray
     presliding: FloatArray
     turns: BoolArray
     missing: FloatArray
@@ -173,6 +175,7 @@ def prepare(
         slots,
         effort,
         payload,
+        rigid_effort,
         rigid_effort,
         presliding,
         turns & slides,
@@ -314,13 +317,12 @@ def with_loads(prepared: Prepared, scene: Scene, inner: FloatArray) -> Prepared:
     motion, step = recording.trajectory, recording.step
     probe = bearings_only(scene)
     rigid, sites = along(probe, motion)
-    slots, kept = prepared.slots.copy(), prepared.kept
-    slots[:, :, BEARING] = 0.0
+    slots, kept, bearing = prepared.slots.copy(), prepared.kept, np.abs(rigid)
     for j, name in enumerate(scene.joint_names):  # one after another: long logs fill the memory
         sign = np.sign(recording.velocity[:, j])
         if name in probe.site_names:
-            load = sites[:, probe.site_names.index(name)]
-            slots[:, j, BEARING] = passed(sign * load, step)[kept]
+            bearing[:, j] = sites[:, probe.site_names.index(name)]
+            slots[:, j, BEARING] = passed(sign * bearing[:, j], step)[kept]
         for side, x in zip(SIDES, (rigid[:, j], rigid[:, j] + inner[:, j]), strict=True):
             both = sign * np.abs(x)
             for direction, part in (
@@ -330,7 +332,9 @@ def with_loads(prepared: Prepared, scene: Scene, inner: FloatArray) -> Prepared:
             ):
                 slot = GEARS[side, direction]
                 slots[:, j, slot] = passed(both * part, step)[kept]
-    return replace(prepared, slots=slots, load=rigid)
+        if name not in probe.site_names:
+            slots[:, j, BEARING] = slots[:, j, GEARS["motor", "both"]]
+    return replace(prepared, slots=slots, load=rigid, bearing=bearing)
 
 
 def bearings_only(scene: Scene) -> Scene:

@@ -46,11 +46,13 @@ from pinfric.identification.laws import (
     COULOMB,
     FALL_BACKWARD,
     FALL_FORWARD,
+    FALL_LOAD,
     FALLS,
     FORWARD,
     GEARS,
     INERTIA,
     PLAIN,
+    RESTS_ON,
     SPEEDS,
     Law,
     candidates,
@@ -212,15 +214,15 @@ def estimate(question: Question, progress: Callable[[int, int], object]) -> Esti
     _find_delay(found)
     _fit(found, plain)
     for number in range(4):
-        if number >= 2 and not any(law.stribeck for law in found.choice.laws):
+        if number >= 2 and not any(law.falls for law in found.choice.laws):
             break  # only the speeds at which friction falls take longer
         progress(steps - max(2 - number, 1), steps)
         falls = list[Fall | None]()
         for j, law in enumerate(found.choice.laws):
-            mine = question.laws.get(scene.joint_names[j])
-            beside = sorted({INERTIA, *law.slots} - set(FALLS))
+            beside = sorted({INERTIA, *law.slots} - set(RESTS_ON))
             given = found.prepared, j, found.rows[j], found.row_weights[j], beside
-            falls.append(find_fall(*given) if mine is None or mine.stribeck else None)
+            parts = _may_fall(found, j)
+            falls.append(find_fall(*given, parts) if parts else None)
         found.falls = tuple(falls)
         laws = [offered(found, j) for j in range(len(found.rows))]
         _find_delay(found, reload=True)
@@ -320,6 +322,46 @@ def _fit(found: Estimate, laws: Sequence[Sequence[Law]]) -> None:
         found.scene = question.scene.with_(model=with_parameters(question.scene.model, fit.theta))
 
 
+def _may_fall(found: Estimate, joint: int) -> list[list[int]]:
+    """What of one joint's friction may fall from rest to motion: the choices to search among."""
+    mine = found.question.laws.get(found.scene.joint_names[joint])
+    if mine is not None or found.choice.laws[joint].falls:
+        falls = (mine or found.choice.laws[joint]).falls
+        return [list(falls)] if falls else []
+    loads = [FALL_LOAD] if _loads(found, joint) else []
+    return [FALLS, *([loads, FALLS + loads] if loads else [])]
+
+
+def _loads(found: Estimate, joint: int) -> bool:
+    """Whether a joint has a bearing, or shows a gear's loss, that may fall from rest to motion."""
+    rows, entry = found.rows[joint], found.scene.friction.get(found.scene.joint_names[joint])
+    if rows.effort.size == 0 or mixed(found.scene.drives, found.scene.model.nv)[joint]:
+        return False
+    named = entry is not None and entry.bearing is not None
+    if named or not found.question.motor:
+        return named
+    return turns(found.scene, found.scene.joint_names[joint]) and _shows_gear(found, joint)
+
+
+def turns(scene: Scene, name: str) -> bool:
+    """Return whether a joint turns, so that the scene can state its gear's loss as a load.
+
+    Args:
+        scene: the robot.
+        name: of one joint.
+    """
+    joint = scene.model.joints[scene.joint_names.index(name) + 1]
+    return not joint.shortname().startswith("JointModelP")
+
+
+def _shows_gear(found: Estimate, joint: int) -> bool:
+    """Whether a joint's load is large enough beside its friction to tell what its gear loses."""
+    # friction that was fitted without a gear contains the gear's loss at the mean load
+    load = found.rows[joint].load
+    coulomb = 0.5 * float(found.fit.slots[joint, COULOMB].sum())
+    return float(np.sqrt(np.mean(load**2))) > coulomb - _MOST_LOSS * float(np.mean(np.abs(load)))
+
+
 def offered(found: Estimate, joint: int) -> tuple[Law, ...]:
     """Return the laws that one joint's data can tell apart, by the present estimate."""
     scene, rows = found.scene, found.rows[joint]
@@ -332,17 +374,15 @@ def offered(found: Estimate, joint: int) -> tuple[Law, ...]:
     both = min(drives, 1.0 - drives) > _LEAST_SHARE
     entry = scene.friction.get(name)
     bearing = entry is not None and entry.bearing is not None
-    falls = found.falls[joint] is not None if found.falls else False
-    # friction that was fitted without a gear contains the gear's loss at the mean load
-    coulomb = 0.5 * float(found.fit.slots[joint, COULOMB].sum())
-    left = coulomb - _MOST_LOSS * float(np.mean(np.abs(rows.load)))
-    shows_gear = float(np.sqrt(np.mean(rows.load**2))) > left
-    laws = candidates(bearing, found.question.motor and shows_gear, both, falls)
+    fall = found.falls[joint] if found.falls else None
+    gear = found.question.motor and _shows_gear(found, joint)
+    carried = fall is not None and _loads(found, joint)
+    laws = candidates(bearing, gear, both, fall is not None, carried)
     if mixed(scene.drives, scene.model.nv)[joint]:  # its friction follows the motor's speed
         laws = tuple(
             law
             for law in laws
-            if not law.stribeck and (not law.load or law.side == "motor" != law.load)
+            if not law.falls and (not law.load or law.side == "motor" != law.load)
         )
     return laws
 
@@ -390,6 +430,8 @@ def reloaded(found: Estimate, one: Prepared, scene: Scene | None = None) -> Prep
             inner[:, j] += values[slot] * sign * np.abs(v[:, j]) ** p
         if found.falls and (fall := found.falls[j]) is not None:
             inner[:, j] += falling(v[:, j], fall.velocity, fall.exponent) * (
-                values[FALL_FORWARD] * (sign > 0.0) - values[FALL_BACKWARD] * (sign < 0.0)
+                values[FALL_FORWARD] * (sign > 0.0)
+                - values[FALL_BACKWARD] * (sign < 0.0)
+                + values[FALL_LOAD] * sign * one.bearing[:, j]
             )
     return with_falls(with_loads(one, scene or found.scene, inner), found.falls)

@@ -15,10 +15,10 @@ from pinfric.dynamics.inverse.result import InverseResult
 from pinfric.errors import IdentificationError, choose_from
 from pinfric.identification.checks import check_one_robot
 from pinfric.identification.columns import joint_rows, prepare, settled, thinning
-from pinfric.identification.estimate import Estimate, Question, estimate, reloaded
+from pinfric.identification.estimate import Estimate, Question, estimate, reloaded, turns
 from pinfric.identification.files import identified_files
 from pinfric.identification.findings import Findings, HeldOut
-from pinfric.identification.laws import COULOMB, FALL_SPEED, FALLS, K, Law
+from pinfric.identification.laws import COULOMB, FALL_SPEED, RESTS_ON, K, Law
 from pinfric.identification.misfit import misfits
 from pinfric.identification.normal import Fit, FrictionNormalEquations, residuals
 from pinfric.identification.notes import notes
@@ -255,6 +255,12 @@ def _check_options(scene: Scene, effort_at: str, inertia: str, laws: Mapping[str
                 f"laws: {name}: {law}: an effort measured after the gear does "
                 "not contain it (--effort-at joint)"
             )
+        bare = (entry := scene.friction.get(name)) is None or entry.bearing is None
+        if law.load == "bearing" and bare and (effort_at == "joint" or not turns(scene, name)):
+            raise IdentificationError(
+                f"laws: {name}: {law}: the scene names no bearing of it; add `bearing` and `mu` to "
+                f"friction.{name}, or take another law"
+            )
 
 
 def _predicted(found: Estimate, recording: Recording) -> dict[str, HeldOut]:
@@ -278,7 +284,7 @@ def _posterior(found: Estimate, known: Uncertainty, seed: int) -> dict[str, Floa
     """Draws of every coefficient above zero, in the scene's terms."""
     draws = known.draws(found.fit.slots, _DRAWS, seed)
     slots, ways = found.problem.slots(found.choice.laws), set(COULOMB)
-    falls = {*FALLS, FALL_SPEED}  # no key of a sweep
+    falls = {*RESTS_ON, FALL_SPEED}  # no key of a sweep
     result = {}
     for at in known.place.tolist():
         j, slot = divmod(at, K)

@@ -2,8 +2,9 @@
 
     friction = c+ [v > 0] - c- [v < 0] + k |v|^p sign v + sign v mu c(w) + gear
 
-with c+ and c- that may fall from rest to motion (Stribeck, see stribeck.py), the bearing's load c,
-or a gear whose loss grows with the torque that passes it,
+with c+, c- and mu that may fall from rest to motion (Stribeck, see stribeck.py), the bearing's load
+c (of a joint without one the torque that it delivers), or a gear whose loss grows with the torque
+that passes it,
 
     gear = sign v (g+ |x| [x v > 0] + g- |x| [x v < 0]),   g+ = 1/eta - 1,  g- = 1 - eta_b
 
@@ -29,11 +30,14 @@ INERTIA, FORWARD, BACKWARD = range(3)
 SPEEDS = dict(enumerate(EXPONENTS, 3))
 BEARING = 3 + len(EXPONENTS)
 GEARS = {key: BEARING + 1 + i for i, key in enumerate(product(SIDES, DIRECTIONS))}
-#: by how much friction at rest exceeds friction in motion, and the speed at which it has fallen.
-FALL_FORWARD, FALL_BACKWARD, FALL_SPEED = range(BEARING + 7, BEARING + 10)
+#: by how much friction at rest exceeds friction in motion (c+, c-, mu), and the speed at which it
+#: has fallen.
+FALL_FORWARD, FALL_BACKWARD, FALL_LOAD, FALL_SPEED = range(BEARING + 7, BEARING + 11)
 SLOTS = range(FALL_SPEED + 1)
 K = len(SLOTS)
 COULOMB, FALLS = [FORWARD, BACKWARD], [FALL_FORWARD, FALL_BACKWARD]
+#: What each of them adds to at rest.
+RESTS_ON = {FALL_FORWARD: FORWARD, FALL_BACKWARD: BACKWARD, FALL_LOAD: BEARING}
 
 
 @dataclass(frozen=True)
@@ -47,6 +51,7 @@ class Law:
         side: of a gear's friction, and of a coupled drive's, "motor" or "joint".
         both_ways: whether a gear loses as much driven as driving (eta_b = 2 - 1/eta).
         stribeck: whether Coulomb friction falls from rest to motion.
+        load_falls: whether the bearing's friction does.
     """
 
     coulomb: bool = True
@@ -55,12 +60,18 @@ class Law:
     side: str = "joint"
     both_ways: bool = True
     stribeck: bool = False
+    load_falls: bool = False
+
+    @property
+    def falls(self) -> tuple[int, ...]:
+        """Places of what falls from rest to motion."""
+        return (*FALLS * self.stribeck, *[FALL_LOAD] * self.load_falls)
 
     @cached_property
     def slots(self) -> tuple[int, ...]:
         """Its coefficients' places in `SLOTS`."""
         places = COULOMB * self.coulomb + [at for at, p in SPEEDS.items() if p == self.exponent]
-        places += FALLS * self.stribeck + [BEARING] * (self.load == "bearing")
+        places += [*self.falls, *[BEARING] * (self.load == "bearing")]
         if self.load == "gear":
             places += [
                 GEARS[self.side, x] for x in (DIRECTIONS[2:] if self.both_ways else DIRECTIONS[:2])
@@ -70,7 +81,7 @@ class Law:
     @property
     def size(self) -> int:
         """How many coefficients it has, the speed at which friction falls among them."""
-        return len(self.slots) + self.stribeck
+        return len(self.slots) + bool(self.falls)
 
     def __str__(self) -> str:
         parts = ["Coulomb"] if self.coulomb else []
@@ -83,7 +94,7 @@ class Law:
                 f"the {self.side}'s side"
             )
         elif self.load:
-            parts.append(self.load)
+            parts.append("load (falls from rest to motion)" if self.load_falls else self.load)
         return " + ".join(parts) or "none"
 
 
@@ -92,7 +103,11 @@ PLAIN = Law()
 
 
 def candidates(
-    bearing: bool, gear: bool, both_directions: bool, stribeck: bool = False
+    bearing: bool,
+    gear: bool,
+    both_directions: bool,
+    stribeck: bool = False,
+    load_falls: bool = False,
 ) -> tuple[Law, ...]:
     """Return the laws that a joint's data can tell apart.
 
@@ -102,6 +117,7 @@ def candidates(
         both_directions: the load both drives the motion and is driven by it often enough.
         stribeck: friction at low speed is larger than Coulomb and viscous friction explain, and
             sits on the joint's side, where a scene can state it.
+        load_falls: it is so the more the joint carries.
     """
     loads = [Law()]
     if bearing:
@@ -117,4 +133,10 @@ def candidates(
         for p in (None, 1.0)
         if stribeck and law.side == "joint"
     ]
-    return (*smooth, *falls)
+    carried = [
+        Law(exponent=p, load="bearing", stribeck=also, load_falls=True)
+        for p in (None, 1.0)
+        for also in (False, True)
+        if load_falls
+    ]
+    return (*smooth, *falls, *carried)

@@ -121,7 +121,7 @@ def _of_joint(found: Estimate, joint: int, track: _Track) -> Iterator[Misfit]:
     if spans < _FEWEST_SPANS:
         return
     law = found.choice.laws[joint]
-    active = [INERTIA, *law.slots, *([FALL_SPEED] if law.stribeck else [])]
+    active = [INERTIA, *law.slots, *([FALL_SPEED] if law.falls else [])]
     model = np.column_stack((rows.rigid, rows.slots[:, active])) * weight[:, None]
     left = residuals(rows, found.fit, joint) * weight
     shapes = list(_shapes(found, joint, track))

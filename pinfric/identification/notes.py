@@ -188,9 +188,7 @@ def _of_falls(found: Estimate) -> list[str]:
     each = [
         f"{name} {', '.join(f'{n:g}' for n in sorted([fall.exponent, *others]))}"
         for name, fall, law in falls
-        if fall is not None
-        and law.stribeck
-        and (others := [other.exponent for other in fall.others])
+        if fall is not None and law.falls and (others := [other.exponent for other in fall.others])
     ]
     if not each:
         return []

@@ -24,11 +24,13 @@ from pinfric.identification.laws import (
     COULOMB,
     FALL_BACKWARD,
     FALL_FORWARD,
+    FALL_LOAD,
     FALL_SPEED,
     FALLS,
     FORWARD,
     GEARS,
     INERTIA,
+    RESTS_ON,
     SPEEDS,
     K,
     Law,
@@ -37,9 +39,10 @@ from pinfric.identification.recordings import STILL, stick_velocity
 from pinfric.identification.rest import BreakAway
 from pinfric.identification.uncertainty import Uncertainty
 from pinfric.model.arrays import FloatArray
+from pinfric.model.bearings import Gear
 from pinfric.model.described import SPEED, described, quantity, unit_at
 from pinfric.model.scene import Scene
-from pinfric.model.schema import Actuator
+from pinfric.model.schema import Actuator, Friction
 from pinfric.model.transmission import Transmission
 from pinfric.motions.summary import effort_unit
 
@@ -53,6 +56,8 @@ _STEEP = 0.5
 _SLOWEST = 0.02
 
 
+#: Of a joint whose scene names no friction.
+NO_FRICTION = Friction()
 #: Why one efficiency of two is not known.
 _ONE_LOSS = "with free masses only the product of both efficiencies is known"
 #: Keys of a transmission that logs of the motor's effort replace.
@@ -107,8 +112,8 @@ def scene_key(scene: Scene, joint: int, law: Law, slot: int) -> tuple[str, str, 
         power = "" if law.exponent == 1.0 else f"^{law.exponent:g}"
         unit = f"{'N m' if motor else effort}/({speed}){power}"
         return section, "motor_viscous" if motor else "viscous", unit
-    if slot == BEARING:
-        return "friction", "mu", ""
+    if slot in (BEARING, FALL_LOAD):
+        return "friction", "mu" if slot == BEARING else "mu.static", ""
     if slot == INERTIA:
         return "transmission", "rotor_inertia", "kg m^2"
     return "transmission", "back_efficiency" if slot in _DRIVEN else "efficiency", ""
@@ -148,8 +153,8 @@ def parameters(
         fitted, name = found.fit.slots[j], found.scene.joint_names[j]
         for slot in slots[j]:
             own = [slot]
-            if slot in FALLS:  # at rest it adds to the friction in motion
-                own.append(COULOMB[FALLS.index(slot)])
+            if slot in RESTS_ON:  # at rest it adds to the friction in motion
+                own.append(RESTS_ON[slot])
             x = float(fitted[own].sum())
             error, reach = known.of({j * K + at: 1.0 for at in own})
             ends = (float(scene_value(law, slot, max(x + d, 0.0), ratio)) for d in (-reach, reach))
@@ -182,7 +187,7 @@ def parameters(
             result.append(
                 Parameter("transmission", name, key, "", value, low, high, error, not why, why)
             )
-        if fitted[FALLS].any():  # of the speed the logarithm has a standard error
+        if fitted[list(RESTS_ON)].any():  # of the speed the logarithm has a standard error
             fall, unit = found.falls[j], unit_at(SPEED, effort_unit(found.scene, j))
             assert fall is not None  # its law has one
             v, (error, reach) = fall.velocity, known.of({j * K + FALL_SPEED: 1.0})
@@ -274,16 +279,15 @@ def _entries(
             target.setdefault(head, {})[direction] = {"static": rest, "kinetic": value}
         elif slot in SPEEDS and value:
             target[key] = {"coefficient": value, "exponent": law.exponent}
-        elif slot == BEARING and value:
-            given = found.question.scene.friction[scene.joint_names[joint]]
-            assert given.mu is not None  # it was a candidate
-            share = given.mu.static / given.mu.kinetic if given.mu.kinetic > 0.0 else 1.0
-            share = 1.0 if law.stribeck else share  # else it would fall, too
-            target["bearing"] = given.bearing
-            target["mu"] = {"static": _rounded(share * value), "kinetic": value}
-        elif value and slot not in FALLS:
+        elif slot == BEARING and (value or fitted[FALL_LOAD]):
+            given = found.question.scene.friction.get(scene.joint_names[joint], NO_FRICTION)
+            share = given.mu.static / given.mu.kinetic if given.mu and given.mu.kinetic else 1.0
+            rest = (1.0 if law.falls else share) * value + float(fitted[FALL_LOAD])
+            target["bearing"] = given.bearing or Gear(kind="gear")
+            target["mu"] = {"static": _rounded(rest), "kinetic": value}
+        elif value and slot not in RESTS_ON:
             target[key] = value
-    if law.stribeck and fitted[FALLS].any():
+    if fitted[list(law.falls)].any():
         fall = found.falls[joint]
         assert fall is not None  # its law has one
         friction["stribeck"] = {"velocity": _rounded(fall.velocity), "exponent": fall.exponent}

@@ -1,11 +1,12 @@
 """Stribeck friction of one joint: friction that falls from rest to motion, and at which speed.
 
-    friction = ... + e+ s(v) [v > 0] - e- s(v) [v < 0],    s = exp(-(|v|/v_s)^n),  1 <= n <= 2
+    friction = ... + s(v) (e+ [v > 0] - e- [v < 0] + e c sign v)
+    s = exp(-(|v|/v_s)^n),  1 <= n <= 2
 
-e+ and e- are coefficients like all others. The model is not linear in n and the speed v_s, so those
-that leave the least residual are searched; the covariance has a column for v_s, d/d(log v_s). Logs
-often hardly tell one n from another, so each n is admitted that fits worse by less than three
-standard errors,
+with the bearing's load c. e+, e- and e are coefficients like all others. The model is not linear
+in n and the speed v_s, so those that leave the least residual are searched; the covariance has a
+column for v_s, d/d(log v_s). Logs often hardly tell one n from another, so each n is admitted that
+fits worse by less than three standard errors,
 
     (|r'|^2 - |r|^2) |d|^2 <= 9 sum of (d_b^T r_b)^2,    d = r' - r
 
@@ -21,7 +22,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pinfric.identification.columns import FEWEST_ROWS, PASS, Prepared, Rows
-from pinfric.identification.laws import FALL_SPEED, FALLS
+from pinfric.identification.laws import FALL_SPEED, RESTS_ON
 from pinfric.identification.normal import orthonormal
 from pinfric.model.arrays import FloatArray
 from pinfric.motions.log.noise import low_pass
@@ -34,6 +35,8 @@ _TRIED = 12
 _EXPONENTS = (1.0, 1.5, 2.0)
 #: Standard errors by which an exponent must fit worse to be left out.
 _REJECTED = 3.0
+#: Places of what may fall.
+_PARTS = list(RESTS_ON)
 #: How far log v_s is searched about the best speed tried.
 _AROUND = 1.0
 
@@ -45,7 +48,8 @@ class Fall:
     Attributes:
         velocity: v_s, at which 1/e of the excess is left, rad/s or m/s.
         exponent: n.
-        forward, backward: the excess at rest, N m or N, about which d/d(log v_s) is taken.
+        forward, backward, load: the excess at rest (N m or N, and of the load's coefficient) about
+            which d/d(log v_s) is taken.
         others: the best fall with each other exponent that is admitted.
     """
 
@@ -53,11 +57,22 @@ class Fall:
     exponent: float
     forward: float
     backward: float
+    load: float = 0.0
     others: tuple[Fall, ...] = ()
+
+    @property
+    def excess(self) -> list[float]:
+        """Forward, backward, and of the load's coefficient."""
+        return [self.forward, self.backward, self.load]
 
 
 def find_fall(
-    prepared: Sequence[Prepared], joint: int, rows: Rows, weight: FloatArray, taken: Sequence[int]
+    prepared: Sequence[Prepared],
+    joint: int,
+    rows: Rows,
+    weight: FloatArray,
+    taken: Sequence[int],
+    parts: Sequence[Sequence[int]],
 ) -> Fall | None:
     """Return the fall that explains most of a joint's effort; None where it explains too little.
 
@@ -67,6 +82,7 @@ def find_fall(
         rows: of the joint.
         weight: (n,) of each row.
         taken: places of the coefficients that the joint's law has without the fall.
+        parts: what may fall, of `FALLS` and `FALL_LOAD`: several choices.
     """
     from scipy.optimize import minimize_scalar
 
@@ -78,20 +94,29 @@ def find_fall(
     rest = rows.effort * root[:, 0]
     rest = rest - basis @ (basis.T @ rest)
 
+    choices = [[_PARTS.index(slot) for slot in part] for part in parts]
+
     def fitted(columns: FloatArray) -> tuple[float, FloatArray, FloatArray]:
-        """By how much two columns reduce the residual's squares; coefficients; what they fit."""
+        """By how much the best choice reduces squares; its coefficients; what it fits."""
         own = columns * root
         own = own - basis @ (basis.T @ own)
-        values: FloatArray = np.linalg.lstsq(own, rest, rcond=1e-8)[0].astype(float)
-        fit = own @ values
-        return float(fit @ fit) * bool(values.min() > 0.0), values, fit
+        best = 0.0, np.zeros(len(_PARTS)), np.zeros(len(own))
+        for at in choices:
+            x: FloatArray = np.linalg.lstsq(own[:, at], rest, rcond=1e-8)[0].astype(float)
+            fit = own[:, at] @ x
+            if x.min() > 0.0 and (gain := float(fit @ fit)) > best[0]:
+                values = np.zeros(len(_PARTS))
+                values[at] = x
+                best = gain, values, fit
+        return best
 
+    load = np.concatenate([one.bearing[one.kept[one.slides[:, joint]], joint] for one in prepared])
     low, high = np.log(np.quantile(speed, (0.01, 0.98)) * (1.0, 0.5))
     tried = np.linspace(low, high, _TRIED)
     found: list[tuple[float, Fall, FloatArray]] = []
     for n in _EXPONENTS:
         # first without the low pass, which changes little away from rest
-        gains = [fitted(_ways(rows.velocity, float(np.exp(x)), n))[0] for x in tried]
+        gains = [fitted(_ways(rows.velocity, load, float(np.exp(x)), n))[0] for x in tried]
         if max(gains) < _LEAST_GAIN * float(rest @ rest):
             continue
         middle = tried[int(np.argmax(gains))]
@@ -128,8 +153,7 @@ def beside_other(prepared: Sequence[Prepared], joint: int, fall: Fall, other: Fa
         other: with another exponent.
     """
     now, then = (
-        _passed(prepared, joint, one.velocity, one.exponent) @ [one.forward, one.backward]
-        for one in (fall, other)
+        _passed(prepared, joint, one.velocity, one.exponent) @ one.excess for one in (fall, other)
     )
     return np.asarray(then - now)
 
@@ -142,34 +166,36 @@ def with_falls(prepared: Prepared, falls: tuple[Fall | None, ...]) -> Prepared:
         falls: of each joint.
     """
     recording, slots = prepared.recording, prepared.slots.copy()
-    at = [*FALLS, FALL_SPEED]
+    at = [*_PARTS, FALL_SPEED]
     for j, fall in enumerate(falls):
         if fall is None:
             slots[:, j, at] = 0.0
             continue
         v = recording.velocity[:, j]
-        n, ways = fall.exponent, _ways(v, fall.velocity, fall.exponent)
-        slope = n * np.abs(v / fall.velocity) ** n * (ways @ [fall.forward, fall.backward])
+        n = fall.exponent
+        ways = _ways(v, prepared.bearing[:, j], fall.velocity, n)
+        slope = n * np.abs(v / fall.velocity) ** n * (ways @ fall.excess)
         slots[:, j, at] = _low_passed(prepared, np.column_stack((ways, slope)))
     return replace(prepared, slots=slots)
 
 
-def _ways(v: FloatArray, velocity: float, exponent: float) -> FloatArray:
-    """Columns (n, 2) of what is left of the excess, forward and backward."""
+def _ways(v: FloatArray, load: FloatArray, velocity: float, exponent: float) -> FloatArray:
+    """Columns (n, 3) of what is left of the excess: forward, backward, of the load's."""
     left = falling(v, velocity, exponent)
-    return np.column_stack((left * (v > 0.0), -left * (v < 0.0)))
+    return np.column_stack((left * (v > 0.0), -left * (v < 0.0), left * load * np.sign(v)))
 
 
 def _passed(
     prepared: Sequence[Prepared], joint: int, velocity: float, exponent: float
 ) -> FloatArray:
-    """Columns (n, 2) of a joint's rows in all logs."""
+    """Columns (n, 3) of a joint's rows in all logs."""
     return np.concatenate(
         [
-            _low_passed(one, _ways(one.recording.velocity[:, joint], velocity, exponent))[
+            _low_passed(one, _ways(v, one.bearing[:, joint], velocity, exponent))[
                 one.slides[:, joint]
             ]
             for one in prepared
+            for v in [one.recording.velocity[:, joint]]
         ]
     )
 

@@ -26,11 +26,12 @@ from pinfric.identification.laws import (
     DIRECTIONS,
     FALL_BACKWARD,
     FALL_FORWARD,
+    FALL_LOAD,
     FALL_SPEED,
-    FALLS,
     FORWARD,
     GEARS,
     INERTIA,
+    RESTS_ON,
     SLOTS,
     SPEEDS,
     K,
@@ -38,13 +39,13 @@ from pinfric.identification.laws import (
 )
 from pinfric.identification.misfit import UNEVEN, Misfit, uneven
 from pinfric.identification.normal import FrictionNormalEquations, above_zero, residuals
-from pinfric.identification.stribeck import beside_other
+from pinfric.identification.stribeck import beside_other, falling
 from pinfric.model.arrays import FloatArray, IntArray
 
 #: Share of a standard deviation by which a link's parameter is changed to see what its load does.
 _STEP = 0.1
 #: Columns of the friction that passes a gear between it and the motor.
-_INNER = (FORWARD, BACKWARD, *SPEEDS, FALL_FORWARD, FALL_BACKWARD, FALL_SPEED)
+_INNER = (FORWARD, BACKWARD, *SPEEDS, *RESTS_ON, FALL_SPEED)
 #: Regularization where shapes are nearly the same.
 _RIDGE = 1e-9
 #: Reaches of its 95 % interval by which a difference between directions must be large to be named.
@@ -233,13 +234,14 @@ def _other_falls(found: Estimate, place: IntArray) -> Iterator[FloatArray]:
     every = [
         (j, fall, other)
         for j, fall in enumerate(found.falls)
-        if fall is not None and found.choice.laws[j].stribeck
+        if fall is not None and found.choice.laws[j].falls
         for other in fall.others
     ]
     for j, fall, other in every:
         direct = {
             FALL_FORWARD: other.forward - fall.forward,
             FALL_BACKWARD: other.backward - fall.backward,
+            FALL_LOAD: other.load - fall.load,
             FALL_SPEED: float(np.log(other.velocity / fall.velocity)),
         }
         own = [j * K + slot for slot in direct]
@@ -307,7 +309,7 @@ def for_a_further_log(found: Estimate, place: IntArray) -> tuple[FloatArray, int
 def _uncertain(found: Estimate) -> IntArray:
     """Places among (nj K,) of coefficients above zero and of the speeds of falling friction."""
     place = above_zero(found.fit, found.problem.slots(found.choice.laws))
-    falls = [j * K + FALL_SPEED for j in found.known if found.fit.slots[j, FALLS].any()]
+    falls = [j * K + FALL_SPEED for j in found.known if found.fit.slots[j, list(RESTS_ON)].any()]
     return np.sort(np.append(place, np.array(falls, dtype=np.int64)))
 
 
@@ -336,7 +338,15 @@ def _load_slopes(found: Estimate, joint: int, slot: int) -> FloatArray | None:
     none = np.zeros_like(rows.slots)
     if found.question.no_gravity:  # then loads are the URDF's
         return None
+    if slot == FALL_LOAD:
+        fall, whole = found.falls[joint], _load_slopes(found, joint, BEARING)
+        assert fall is not None  # its law has one
+        assert whole is not None  # loads are found here
+        return whole * falling(rows.velocity, fall.velocity, fall.exponent)[:, None]
     if slot == BEARING:
+        entry = found.scene.friction.get(found.scene.joint_names[joint])
+        if entry is None or entry.bearing is None:  # the load is that of the gear
+            return np.hstack((rows.rigid * np.sign(rows.velocity * rows.load)[:, None], none))
         slopes = [_bearing_slopes(found, one, joint) for one in found.prepared]
         return np.hstack((np.concatenate(slopes), none))
     if slot not in GEARS.values():

@@ -343,6 +343,27 @@ class Linear(Bearing):
 
 
 @bearing_kind
+class Gear(Bearing):
+    """Teeth of the joint's gear, whose loss may fall from rest to motion: c = |M_a|.
+
+    M_a is the torque that the joint delivers. In motion friction mu c is the loss of a gear with
+    the efficiencies 1/(1 + mu) and 1 - mu; with `mu.static` and `stribeck` it is larger at rest
+    (Bittencourt and Gunnarsson 2012, Static friction in a robot joint).
+
+    friction: {elbow: {bearing: {kind: gear}, mu: {static: 0.3, kinetic: 0.05},
+                       coulomb: 0.65, stribeck: {velocity: 0.1}}}
+    """
+
+    fits = ("turning joint",)
+
+    kind: Annotated[Literal["gear"], key("the joint's gear", "gear")]
+
+    def terms(self) -> LoadTerms:
+        """See the class."""
+        return LoadTerms([norm_of(MZ)])
+
+
+@bearing_kind
 class Ball(Bearing):
     """A ball in its socket: c = radius (|F| + preload)."""
 

@@ -16,7 +16,7 @@ import pinocchio as pin
 from pinfric.errors import PinfricWarning, RobotError, SceneError, choose_from, cut
 from pinfric.model.alignment import align_axes, shift_frames
 from pinfric.model.arrays import real_numbers
-from pinfric.model.bearings import Contacts, contacts
+from pinfric.model.bearings import Contacts, Gear, contacts
 from pinfric.model.brief import counted, file_name, listed, screen
 from pinfric.model.closure import close, velocity_indices, velocity_names
 from pinfric.model.coordinates import from_angles
@@ -242,6 +242,7 @@ class Scene:
         # errors are raised now, not at first use
         _ = self._made_of, self.linkage, self.sites, self.drives, self.twin()
         self._check_brakes()
+        self._check_gears()
         self._check_masses()
         set_(self, "mobility", self._mobility(doubts))
         self._mention_driven_base()
@@ -651,6 +652,16 @@ class Scene:
                 )
             if not 0.0 <= torque <= LARGEST:
                 raise SceneError(f"{where}.{name}: {torque!r}; should be a torque (N m), 0 or more")
+
+    def _check_gears(self) -> None:
+        for drive in self.drives:
+            gear, entry = drive.transmission, self.friction.get(drive.name)
+            twice = gear is not None and any(any(loss.slopes) for loss in gear.losses())
+            if twice and entry is not None and isinstance(entry.bearing, Gear):
+                raise SceneError(
+                    f"{self.source}: friction.{drive.name}.bearing: the losses of this gear are "
+                    "also in its transmission's `efficiency` or `back_efficiency`: give one of them"
+                )
 
     def _check_masses(self) -> None:
         where, words = f"{self.source}: robot.masses", get_args(MassesHold)

@@ -297,7 +297,7 @@ def prepared_of(v: np.ndarray, columns: dict, **more: object) -> Prepared:
     given = {"kept": np.arange(len(v)), "slides": (v != 0.0)[:, None], "load": still}
     given |= {"rigid": np.zeros((len(v), 1, 10)), "effort": None, "payload": still}
     given |= {"missing": still, "presliding": np.zeros((len(v), 1, 3))}
-    given |= {"turns": np.zeros((len(v), 1), dtype=bool)} | more
+    given |= {"bearing": still, "turns": np.zeros((len(v), 1), dtype=bool)} | more
     return Prepared(recording=recording, slots=rows_of(t, columns).slots[:, None], **given)
 
 

@@ -15,6 +15,7 @@ from identify_cases import (
     MU,
     NAMES,
     RATIO,
+    ROTOR,
     VISCOUS,
     Motion,
     excitation,
@@ -47,6 +48,19 @@ def stribeck_truth(velocity: float = FALL, exponent: float = 2.0) -> pf.Scene:
     return with_static(STATIC, stribeck={"velocity": velocity, "exponent": exponent})
 
 
+@cache
+def falling_truth() -> pf.Scene:
+    """The robot with gears at lift and elbow that lose 30 % at rest and 5 % in motion."""
+    friction, drive = dict(truth().friction), {"ratio": RATIO, "rotor_inertia": ROTOR[1]}
+    for name in NAMES[1:3]:
+        own = {key: x for key, x in friction[name] if key in ("coulomb", "viscous")}
+        own |= {"bearing": {"kind": "gear"}, "mu": {"static": 0.3, "kinetic": 0.05}}
+        friction[name] = own | {"stribeck": {"velocity": FALL}}
+    lift = [{"joint": NAMES[1], "transmission": drive}]
+    others = [one for one in truth().actuators if one.joint != NAMES[1]]
+    return truth().with_(friction=friction, actuators=others + lift)
+
+
 def coulomb(v: np.ndarray) -> np.ndarray:
     """Coulomb friction of the truth against a motion, (T, 6)."""
     up, down = np.array(COULOMB).T
@@ -60,6 +74,11 @@ def _stribeck(seed: int, motion: Motion) -> Simulated:
 def _slow_stribeck(seed: int, motion: Motion) -> Simulated:
     """Friction that falls as exp(-|v|/v_s)."""
     return motion, motor_effort(stribeck_truth(exponent=1.0), motion)
+
+
+def _falling_load(seed: int, motion: Motion) -> Simulated:
+    """Gears that lose a larger share of the torque at rest than in motion."""
+    return motion, motor_effort(falling_truth(), motion)
 
 
 def _warm_up(seed: int, motion: Motion) -> Simulated:
@@ -162,6 +181,7 @@ CASES: dict[str, Callable[[int, Motion], Simulated]] = {
     "true": lambda seed, motion: (motion, motor_effort(truth(), motion)),
     "stribeck": _stribeck,
     "stribeck 1": _slow_stribeck,
+    "falling load": _falling_load,
     "position": _by_angle,
     "motor turn": _by_motor_turn,
     "filter": _filtered,

@@ -15,6 +15,7 @@ from identify_cases import (
     kr300,
     motor_effort,
     needs_logs,
+    one_joint,
     truth,
 )
 
@@ -92,6 +93,38 @@ def test_a_fall_is_offered_where_a_scene_can_state_it():
     falls = {(law.load, law.side) for law in candidates(True, True, True, True) if law.stribeck}
     assert falls == {("", "joint"), ("bearing", "joint"), ("gear", "joint")}
     assert not any(law.stribeck for law in candidates(True, True, True))
+
+
+@pytest.mark.parametrize("n", [pytest.param(1.0, marks=pytest.mark.slow), 2.0])
+def test_friction_that_falls_with_speed_under_load_and_not_without_is_found(n):
+    """An arm of 2 kg, 0.5 m out: 0.65 N m, and of what it carries 23 % at rest, 2 % in motion."""
+    t, rest, moving, dry, falls = np.arange(0.0, 80.0, 0.01), 0.23, 0.02, 0.65, 0.12
+    q = 1.2 * np.sin(0.5 * t) + 0.7 * np.sin(0.23 * t)
+    v = 0.6 * np.cos(0.5 * t) + 0.161 * np.cos(0.23 * t)
+    a = -0.3 * np.sin(0.5 * t) - 0.03703 * np.sin(0.23 * t)
+    rigid = (2.0 * 0.25 + 0.01) * a - 2.0 * 9.81 * 0.5 * np.cos(q)
+    mu = moving + (rest - moving) * np.exp(-((np.abs(v) / falls) ** n))
+    effort = rigid + np.sign(v) * (mu * np.abs(rigid) + dry)
+    noise = 0.05 * np.random.default_rng(2).normal(size=t.size)
+    given = pf.Log(t, q[:, None], (effort + noise)[:, None])
+    found = pf.identify(one_joint(), given, inertia="keep")
+    assert found.laws["arm"] == Law(exponent=None, load="bearing", load_falls=True)
+    assert found.doubts == ()
+    true = {"mu": moving, "mu.static": rest, "stribeck.velocity": falls}
+    true |= {"coulomb.positive": dry, "coulomb.negative": dry}
+    known = [p for p in found.parameters if p.name in true]
+    assert {p.name for p in known} == set(true)
+    assert sum(p.low <= true[p.name] <= p.high for p in known) >= 4
+    assert all(p.value == pytest.approx(true[p.name], rel=0.05) for p in known)
+    entry = found.scene.friction["arm"]
+    assert (entry.bearing.kind, entry.stribeck.exponent) == ("gear", n)
+    for place, carried in ((0.0, 9.81), (np.pi / 2, 0.0)):
+        for speed in (0.03, 0.3):  # as the scene computes it
+            one = pf.inverse_dynamics(found.scene, [[place]], [[speed]], [[0.0]])
+            excess = (rest - moving) * np.exp(-((speed / falls) ** n))
+            friction = (moving + excess) * carried + dry
+            off = one.effort_lower[0, 0] - one.effort_frictionless[0, 0] - friction
+            assert abs(off) < 0.05 * friction, (place, speed)
 
 
 def test_every_part_that_is_held_out_leaves_something_to_fit():

@@ -3,7 +3,7 @@
 import numpy as np
 import pinocchio as pin
 
-from pinfric.model.bearings import Ball, Guide, Linear, LoadTerms, Pin, Seal
+from pinfric.model.bearings import Ball, Gear, Guide, Linear, LoadTerms, Pin, Seal
 from pinfric.model.friction_terms import Coefficients, DirectedCoulombFriction
 from pinfric.model.scene import Scene, Site
 from pinfric.model.schema import Friction
@@ -48,7 +48,8 @@ def _forces(site: Site, wrench: np.ndarray, displacement: float) -> _Forces:
     bearing, k = site.friction.bearing, site.axis
     if bearing is None:
         return [], 0.0
-    if bearing.kind not in ("pin", "guide", "linear", "ball", "seal"):  # that a class has added
+    known = "pin", "guide", "linear", "gear", "ball", "seal"
+    if bearing.kind not in known:  # that a class has added
         return _by_terms(bearing.terms(), k, wrench, displacement)
     on_parent = getattr(bearing, "on", "child") == "parent"
     middle = getattr(bearing, "offset", 0.0) - (displacement if on_parent else 0.0)
@@ -69,6 +70,8 @@ def _forces(site: Site, wrench: np.ndarray, displacement: float) -> _Forces:
         case Linear():
             forces = [bearing.radial * F_r, bearing.axial * F_a, bearing.moment * M_b]
             return forces, bearing.preload
+        case Gear():
+            return [M_a], 0.0
         case Ball():
             return [bearing.radius * F], bearing.radius * bearing.preload
     assert isinstance(bearing, Seal)

@@ -151,11 +151,14 @@ def test_way_to_the_solver_exists():
 
 
 def test_scene_in_the_guide_loads(tmp_path):
-    scene_text, loops, springs = blocks("yaml", GUIDE / "scene.md")
+    scene_text, gear, loops, springs = blocks("yaml", GUIDE / "scene.md")
     (tmp_path / "scene.yaml").write_text(scene_text)
     scene = pf.load_scene(tmp_path / "scene.yaml")
     assert scene.site_names == ("shoulder_lift_joint", "elbow_joint")
     assert len(scene.drives) == 4
+    (entry,) = yaml.safe_load(gear)["friction"].values()
+    static = pf.load_scene("pendulum").with_(friction={"joint_1": entry}).sites[0].law.static
+    assert static.mu * 10.0 + static.forward == pytest.approx(2.85)
     (loop,) = pf.load_scene("four_bar").with_(**yaml.safe_load(loops)).loops
     assert (loop.name, loop.kind, loop.b.link) == ("rocker_pin", "planar_pin", "rocker")
     sprung = scene.with_(**yaml.safe_load(springs))
