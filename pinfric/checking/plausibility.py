@@ -17,6 +17,7 @@ from pinfric.model.legs import hanging_legs
 from pinfric.model.robot import BUNDLED, Robot, read_robot, urdf_file
 from pinfric.model.scene import Scene
 from pinfric.model.scene_file import load_scene
+from pinfric.model.yamlfile import path_of
 
 _URDF_SUFFIXES = (".urdf", ".xacro", ".xml", ".sdf", ".mjcf")
 
@@ -72,7 +73,7 @@ def check_urdf(
 
 def is_urdf(source: str | Path) -> bool:
     """Return whether a name means a robot, not a scene: by its end, else by how it begins."""
-    path = Path(source)
+    path = path_of(source, RobotError)
     if str(source).startswith(BUNDLED) or path.suffix.lower() in _URDF_SUFFIXES:
         return True
     if path.suffix.lower() in (".yaml", ".yml") or not os.path.isfile(path):

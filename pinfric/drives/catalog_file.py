@@ -21,7 +21,7 @@ from pinfric.drives.table import import_table, mapping_of
 from pinfric.errors import CatalogError, PinfricWarning, choose_from
 from pinfric.model.brief import counted
 from pinfric.model.entry import parse
-from pinfric.model.yamlfile import brief, read_yaml
+from pinfric.model.yamlfile import brief, path_of, read_yaml
 
 #: The bundled catalogue's name, and its folder.
 DEFAULT = "default"
@@ -42,11 +42,12 @@ def load_catalog(name: str | Path = DEFAULT) -> Catalog:
         PinfricWarning: a figure is so unusual that a wrong unit is likelier; an entry replaces a
             bundled one of its name.
     """
+    name = path_of(name, CatalogError)
     if str(name) == DEFAULT and not os.path.isfile(name):
         catalog = replace(_merged(DEFAULT, _bundled()), files=(str(_FOLDER),))
         doubted: Iterable[tuple[str, str]] = _bundled_doubts()
     else:
-        own = _of_folder(Path(name)) if os.path.isdir(name) else (_read(Path(name)),)
+        own = _of_folder(name) if os.path.isdir(name) else (_read(name),)
         extends = any(file.extends for file in own)
         if not extends and not any(getattr(f, section) for f in own for section in _SECTIONS):
             raise CatalogError(

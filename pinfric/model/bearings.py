@@ -437,6 +437,11 @@ def contacts(bearings: Sequence[Bearing | None], axes: Sequence[np.ndarray]) -> 
                 f"{type(bearing).__name__}.terms: should return LoadTerms of maps (3, 6), see "
                 f"`norm_of`; found {brief(shapes or terms)}"
             )
+        if not (np.isfinite([*terms.maps, *terms.moved]).all() and 0 <= terms.constant < np.inf):
+            raise SceneError(
+                f"{type(bearing).__name__}.terms: maps should be finite, and `constant` not "
+                f"negative; found {brief(terms)}"
+            )
         constant[s] = terms.constant
         for i, map_ in enumerate(terms.maps):
             map_moved = terms.moved[i] if i < len(terms.moved) else np.zeros((3, 6))

@@ -13,15 +13,28 @@ without dry friction never sticks: its drag acts at any speed.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from numbers import Real
 from typing import NamedTuple
 
 import numpy as np
 
+from pinfric.errors import SceneError
 from pinfric.kernels.compiled import inlined_kernel, kernel
-from pinfric.model.friction_terms import CONSTANT, LINEAR, STEEP, Row, Strength
+from pinfric.model.friction_terms import (
+    CONSTANT,
+    LINEAR,
+    STEEP,
+    FrictionTerm,
+    Row,
+    Shape,
+    Strength,
+    Stribeck,
+)
 from pinfric.model.schema import Friction
+from pinfric.model.yamlfile import brief
 
 
 @dataclass(frozen=True)
@@ -52,8 +65,9 @@ def friction_law(friction: Friction, default_stick_velocity: float) -> FrictionL
     """Return the law of one scene entry."""
     static, viscous, rows = Strength(), 0.0, {CONSTANT: Strength()}
     for term in friction.terms:
-        static = _sum(static, term.at_rest())
-        for shape, strength in term.rows(friction.stribeck):
+        rest, moving = _of_term(term, friction.stribeck)
+        static = _sum(static, rest)
+        for shape, strength in moving:
             if shape == LINEAR and strength == (0.0, strength.forward, strength.forward):
                 viscous += strength.forward
             else:
@@ -66,6 +80,39 @@ def friction_law(friction: Friction, default_stick_velocity: float) -> FrictionL
         rows=tuple((shape, strength) for shape, strength in rows.items() if any(strength)),
         stick_velocity=default_stick_velocity if stick is None else stick,
     )
+
+
+def _of_term(term: FrictionTerm, stribeck: Stribeck | None) -> tuple[Strength, Sequence[Row]]:
+    """Return a term at rest and in motion; refuse by the name of its class what is no friction."""
+    rest, rows, name = term.at_rest(), term.rows(stribeck), type(term).__name__
+
+    def holds(value: object, kind: type[tuple[float, ...]]) -> bool:
+        return isinstance(value, kind) and all(isinstance(x, Real) and x >= 0.0 for x in value)
+
+    if not (holds(rest, Strength) and max(rest) < math.inf):
+        raise SceneError(
+            f"{name}.at_rest: should return a Strength, finite and not negative; found "
+            f"{brief(rest)}"
+        )
+    if not isinstance(rows, tuple | list) or not all(
+        isinstance(row, tuple)
+        and [*map(holds, row, (Shape, Strength))] == [True, True]
+        and max(row[1]) < math.inf
+        for row in rows
+    ):
+        raise SceneError(
+            f"{name}.rows: should return pairs (Shape, Strength), finite and not negative; found "
+            f"{brief(rows)}"
+        )
+    dry = Strength()
+    for shape, strength in rows:
+        dry = _sum(dry, strength) if shape.power == 0.0 else dry
+    if any(least > (1.0 + 1e-9) * most for least, most in zip(dry, rest, strict=True)):
+        raise SceneError(
+            f"{name}.at_rest: {brief(rest)} is less than its rows without a power of the speed, "
+            f"{brief(dry)}: return at least their sum, or a joint that slips could not stop"
+        )
+    return rest, rows
 
 
 def _sum(a: Strength, b: Strength) -> Strength:

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from pinfric.errors import PinfricWarning, RobotError, SceneError, choose_from
+from pinfric.errors import PinfricError, PinfricWarning, RobotError, SceneError, choose_from
 from pinfric.model.brief import counted
 from pinfric.model.entry import parse
 from pinfric.model.friction_terms import constant_friction, linear_drag
@@ -20,7 +20,7 @@ from pinfric.model.inputs import note_input
 from pinfric.model.robot import Robot, locate_urdf, mention_reductions, read_robot
 from pinfric.model.scene import Scene
 from pinfric.model.schema import Assumed, Friction, Measured, SceneFile, TableEffort
-from pinfric.model.yamlfile import read_yaml
+from pinfric.model.yamlfile import path_of, read_yaml
 
 #: A robot that is measured at more than so many times its URDF's limit was measured in deg/s.
 _FASTER = 5.0
@@ -143,13 +143,11 @@ def measured_scenes() -> dict[str, Measured]:
     return found
 
 
-def find_file(path: str | Path, suffixes: tuple[str, ...], error: type[Exception]) -> Path:
+def find_file(path: str | Path, suffixes: tuple[str, ...], error: type[PinfricError]) -> Path:
     """Return `path` if it is a file, else the bundled file of that name (suffix optional)."""
-    if not isinstance(path, (str, os.PathLike)):
-        raise error(f"the file is a {type(path).__name__}; should be a name or a path")
     if not str(path):  # as a path it would be the current folder
         raise error(f"the name of the {error.__name__.removesuffix('Error').lower()} is empty")
-    path = Path(path)
+    path = path_of(path, error)
     if path.name.encode(errors="replace") != os.fsencode(path.name):  # titles show it
         raise error(f"{path}: its name is not in UTF-8; rename it")
     try:

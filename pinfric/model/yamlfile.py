@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import os
 import re
 from collections.abc import Callable, Mapping
 from functools import cache
@@ -38,6 +39,13 @@ _SHOWN = 80
 _LARGEST_FILE = 2**26
 #: Aliases may repeat what they point to this often; ten levels of ten make 10^10 nodes of a page.
 _MOST_REPEATS = 100
+
+
+def path_of(path: object, error: type[PinfricError]) -> Path:
+    """Return the path of a file's name; refuse what is none."""
+    if not isinstance(path, str | os.PathLike):
+        raise error(f"the file is a {type(path).__name__}; should be a name or a path")
+    return Path(path)
 
 
 def read_yaml(
@@ -81,7 +89,9 @@ def read_yaml(
         written = f"; {_WRITTEN_BY[kind]}" if kind in _WRITTEN_BY else ""
         raise error(f"{path}: the file is empty{written}")
     if not isinstance(content, dict):
-        raise error(f"{path}: should be a mapping of keys, found a {type(content).__name__}")
+        found = f"{path}: should be a mapping of keys, found a {type(content).__name__}"
+        table = path.suffix.lower() == ".csv" and kind in ("pinfric_catalog", "pinfric_motors")
+        raise error(found + f"; `pinfric catalog {path}` makes a catalogue of a table" * table)
     refuse_result(path, content, error)
     other = next((key for key in content if key in FORMATS), kind)
     if kind and kind not in content and other != kind:

@@ -342,8 +342,8 @@ class Arm:
             if not speed <= PLACEHOLDER_SPEED:
                 stated = "" if math.isinf(speed) else f" that a joint can have ({speed:g})"
                 raise TrajectoryError(
-                    f"{self.scene.source}: joint {name} has no velocity limit{stated}; give its "
-                    f"top speed as rating.speed.{name}"
+                    f"{self.scene.source}: joint {name} has no velocity limit{stated}; write it in "
+                    f"the URDF, or rate the robot by `size` with rating.speed.{name}"
                 )
         return speeds
 

@@ -27,6 +27,7 @@ from pinfric.model.magnitudes import LARGEST_OF_A_MOTION, impossible
 from pinfric.model.robot import Robot
 from pinfric.model.scene import Scene, expect_scene
 from pinfric.model.scene_file import find_file
+from pinfric.model.yamlfile import path_of
 from pinfric.motions.followers import find_followers, follower_problems, follower_warnings
 from pinfric.motions.joint_columns import (
     JointColumn,
@@ -366,7 +367,7 @@ def read_trajectory(
         source: Path | Log = path
         name = path.name
     else:
-        if not (os.path.isdir(path) and is_bag(Path(path))):
+        if not (os.path.isdir(path_of(path, TrajectoryError)) and is_bag(Path(path))):
             path = find_file(path, (".csv", ".waypoints.yaml", ".yaml", ".yml"), TrajectoryError)
         source, name = Path(path), str(path)
     columns = joint_columns(scene.model, name)

@@ -11,6 +11,7 @@ import os
 import warnings
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from numbers import Real
 
 import numpy as np
 
@@ -185,10 +186,14 @@ def retime(
             f"retime: the path is a {type(path).__name__}; give a trajectory, a file's name, or "
             "pf.Path.from_waypoints(q)"
         )
-    if not (points >= 2 and sample_rate > 0.0 and tolerance > 0.0 and smooth >= 0.0):
+    numbers = (points, sample_rate, tolerance, smooth)
+    if not (
+        all(isinstance(number, Real) for number in numbers)
+        and (points >= 2 and sample_rate > 0.0 and tolerance > 0.0 and smooth >= 0.0)
+    ):
         raise RetimeError(
-            f"retime: points {points}, sample_rate {sample_rate:g}, tolerance "
-            f"{tolerance:g}, smooth {smooth:g}: should be positive"
+            f"retime: points {points!r}, sample_rate {sample_rate!r}, tolerance {tolerance!r}, "
+            f"smooth {smooth!r}: should be positive numbers"
         )
     if path.attached is not None and path.attached.shape[1] != len(scene.payloads):
         raise RetimeError(

@@ -95,8 +95,17 @@ def test_a_name_that_exists_is_refused():
     bearing_kind(KINDS["collar"])
 
 
-@pytest.mark.parametrize("terms", [1.0, [norm_of(FZ)], LoadTerms([FZ])])
-def test_terms_that_are_no_load_are_refused_by_the_classes_name(terms, monkeypatch):
+NO_LOADS = [
+    (1.0, r"should return LoadTerms of maps \(3, 6\)"),
+    ([norm_of(FZ)], r"should return LoadTerms of maps \(3, 6\)"),
+    (LoadTerms([FZ]), r"should return LoadTerms of maps \(3, 6\)"),
+    (LoadTerms([np.nan * norm_of(FZ)]), "maps should be finite"),
+    (LoadTerms([norm_of(FZ)], constant=-1.0), "`constant` not negative"),
+]
+
+
+@pytest.mark.parametrize(("terms", "says"), NO_LOADS)
+def test_terms_that_are_no_load_are_refused_by_the_classes_name(terms, says, monkeypatch):
     monkeypatch.setattr(KINDS["collar"], "terms", lambda _: terms)
     friction = {
         "joint_1": {
@@ -104,10 +113,31 @@ def test_terms_that_are_no_load_are_refused_by_the_classes_name(terms, monkeypat
             "mu": {"static": 0.1, "kinetic": 0.1},
         }
     }
-    with pytest.raises(
-        SceneError, match=r"^Collar.terms: should return LoadTerms of maps \(3, 6\)"
-    ):
+    with pytest.raises(SceneError, match=f"^Collar.terms: .*{says}"):
         pf.Solver(pf.load_scene("pendulum").with_(friction=friction))
+
+
+DRAG_OF_1 = ((Shape(power=2.0), Strength(0.0, 1.0, 1.0)),)
+NO_FRICTION = [
+    (None, Strength(), "rows: should return pairs"),
+    (DRAG_OF_1[0], Strength(), "rows: should return pairs"),
+    ((DRAG_OF_1[0][::-1],), Strength(), "rows: should return pairs"),
+    (((Shape(power=-1.0), Strength()),), Strength(), "rows: .* not negative"),
+    (((Shape(power=2.0), Strength(0.0, -1.0, 1.0)),), Strength(), "rows: .* not negative"),
+    (((Shape(power=2.0), Strength(0.0, np.nan, 1.0)),), Strength(), "rows: .* finite"),
+    (DRAG_OF_1, 3.0, "at_rest: should return a Strength"),
+    (((Shape(), Strength(0.0, 1.0, 1.0)),), Strength(0.0, 1.0, 0.5), "at_rest: .* is less than"),
+]
+
+
+@pytest.mark.parametrize(("rows", "rest", "says"), NO_FRICTION)
+def test_rows_that_are_no_friction_are_refused_by_the_classes_name(
+    rows, rest, says, tmp_path, monkeypatch
+):
+    monkeypatch.setattr(TERMS["power_drag"], "rows", lambda *_: rows)
+    monkeypatch.setattr(TERMS["power_drag"], "at_rest", lambda _: rest)
+    with pytest.raises(SceneError, match=f"^PowerDrag.{says}"):
+        pf.Solver(turntable(tmp_path, POWER_DRAG))
 
 
 M, R, J, G = 2.0, 0.3, 0.05, 9.81

@@ -26,6 +26,7 @@ FILES = {
     "table.csv": "name;torque\nM1;2\n",
     "mu.yaml": f"{SCENE}friction: {{joint_1: {{{BEARING}, mu: 0.003}}}}\n",
     "gravity.yaml": f"{SCENE}gravity: 9.81\n",
+    "mm.yaml": SCENE.replace("{urdf", "{gravity: [0, 0, -9810], urdf"),
     "down.yaml": SCENE.replace("{urdf", "{gravity: 9.81, urdf"),
     "points.yaml": "pinfric_trajectory: 1\npoints: []\n",
 }
@@ -48,6 +49,7 @@ inverse mu.yaml pendulum  found 0.003; e.g. mu: {{static: 0.15, kinetic: 0.1}}
 inverse gravity.yaml pendulum  unknown key `gravity`; it belongs under `robot`
 inverse down.yaml pendulum  found 9.81; e.g. gravity: [0.0, 0.0, -9.81]
 inverse pendulum points.yaml  wrong length, found []; e.g. points: [{{q: [0, 0, 0]
+inverse mm.yaml pendulum  at most 250 m/s^2, found [0.0, 0.0, -9810.0]; check the unit
 inverse {UR10} pendulum  1 number for 6 joints (3 such points); give one per joint
 invers pendulum pendulum  Did you mean 'inverse'?
 size pendulum --cycle stops.csv:x  should be FILE:SHARE, with a number behind the colon
@@ -61,6 +63,7 @@ size delta --rating payload=1  a rating is for open chains; this one has loops
 size go2 --rating payload=1  RL_foot, RR_calf, RR_foot; name it as `link`, or as the scene
 new arm.urdf --link tool0  is the payload's: give --payload KG
 size pendulum pendulum --catalog mu.yaml  is a scene, not a catalogue; --motors
+size pendulum pendulum --catalog table.csv  `pinfric catalog table.csv` makes a catalogue
 retime {UR10} {UR10} --motors default:EC  the nearest of
 identify {UR10} {UR10}  holds way-points; a log has samples and efforts
 new stops.csv  a URDF begins with <robot>
@@ -101,6 +104,10 @@ def given(folder):
 
 PYTHON = """
 pf.load_scene({'robot': 1})  the file is a dict; should be a name or a path
+pf.load_trajectory(None, pendulum)  the file is a NoneType; should be a name or a path
+pf.load_catalog(3)  the file is a int; should be a name or a path
+pf.check(pendulum)  the file is a Scene; should be a name or a path
+pf.retime(pendulum, motion, smooth='5 ms')  smooth '5 ms': should be positive numbers
 pf.load_trajectory(pendulum, 'pendulum')  not a Scene; give pf.load_scene('pendulum')
 pf.load_trajectory('pendulum', ur10)  give one per joint, in the order of `joints`
 pf.load_trajectory(folder / 'stops.csv', pendulum)  write them as a way-point file
