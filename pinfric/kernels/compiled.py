@@ -169,22 +169,16 @@ def _compiled(
 
 
 def _as_kept(compile_core: Callable[..., Any], index: str) -> Callable[..., Any]:
-    """Compile a kernel faster, and under the same symbol in every process: see `_Place`.
-
-    Loops of three to ten numbers gain nothing from vector instructions.
-    """
+    """Compile a kernel without collecting garbage, under one symbol in every process: `_Place`."""
     number = int.from_bytes(_digest(index.encode()))
 
     def run(*arguments: Any) -> Any:  # numba holds its lock
-        loops, collects = numba.config.LOOP_VECTORIZE, gc.isenabled()  # type: ignore[attr-defined]
-        numbers = FunctionIdentity._unique_ids
-        numba.config.LOOP_VECTORIZE = 0  # type: ignore[attr-defined]
+        collects, numbers = gc.isenabled(), FunctionIdentity._unique_ids
         FunctionIdentity._unique_ids = chain([number], numbers)  # type: ignore[assignment]
         gc.disable()
         try:
             return compile_core(*arguments)
         finally:
-            numba.config.LOOP_VECTORIZE = loops  # type: ignore[attr-defined]
             FunctionIdentity._unique_ids = numbers
             if collects:
                 gc.enable()
