@@ -1,11 +1,14 @@
 """What `size --out` writes for the commands that follow."""
 
 import numpy as np
+import yaml
 from cli_cases import refused, run, told
 from sizing_cases import write_catalog
 
 import pinfric as pf
+from pinfric.model.schema import Assumed
 from pinfric.retiming.limits import limited_scene, read_limits
+from pinfric.sizing.files import sized_files
 
 
 def test_the_sized_scene_is_the_reports_and_goes_with_it(tmp_path, capsys):
@@ -53,3 +56,20 @@ def test_without_jinja2_all_but_the_page_is_written(tmp_path, capsys, monkeypatc
         error = refused(capsys, "stop", *place)
         assert "is what `pinfric size` found" in error
         assert "sized.scene.yaml" in error
+
+
+def test_what_drives_replace_is_no_guess_of_the_sized_scene(tmp_path):
+    scene = pf.load_scene("three_link")
+    friction = {**scene.friction, "joint_23": {"coulomb": 1.0, "viscous": 2.0}}
+    values = {
+        "friction.joint_23.coulomb": "5 %",
+        "friction.joint_23.viscous": "20 %",
+        "payloads": "5 kg",
+    }
+    assumed = Assumed(by="pinfric new", date="2026-11-28", version="0.1.0", values=values)
+    scene = scene.with_(friction=friction, assumed=assumed)
+    catalog = write_catalog(tmp_path / "catalog.yaml", conditions={"holding_brake": "any"})
+    report = pf.size(scene, pf.load_trajectory("three_link", scene), catalog)
+    written = yaml.safe_load(sized_files(report, tmp_path)["sized.scene.yaml"])
+    assert written["friction"]["joint_23"]["viscous"] == 0.0
+    assert written["assumed"]["values"] == {"payloads": "5 kg"}
