@@ -18,7 +18,7 @@ import numpy as np
 import pinocchio as pin
 
 import pinfric as pf
-from pinfric.exporting.cpp import Bounds, cpp_files, namespace
+from pinfric.exporting.cpp import Bounds, cpp_files, header_name
 from pinfric.model.robot import example_robot_data
 
 PREFIX = next(p for p in Path(pin.__file__).parents if p.name == "cmeel.prefix")
@@ -72,7 +72,7 @@ def model_text(scene):
 
 def compiled(scene, folder, flags, eigen):
     """The program for one scene."""
-    name = namespace(scene.source)
+    name = header_name(scene.source)
     files = cpp_files(scene, (), Bounds.none(len(scene.drives)), [], ["timed"])
     (folder / f"{name}.hpp").write_text(files.header)
     text = Path(__file__).with_suffix(".cpp").read_text()

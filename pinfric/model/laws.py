@@ -65,9 +65,8 @@ def friction_law(friction: Friction, default_stick_velocity: float) -> FrictionL
     """Return the law of one scene entry."""
     static, viscous, rows = Strength(), 0.0, {CONSTANT: Strength()}
     for term in friction.terms:
-        rest, moving = _of_term(term, friction.stribeck)
-        static = _sum(static, rest)
-        for shape, strength in moving:
+        static = _sum(static, term.at_rest())
+        for shape, strength in term.rows(friction.stribeck):
             if shape == LINEAR and strength == (0.0, strength.forward, strength.forward):
                 viscous += strength.forward
             else:
@@ -82,8 +81,14 @@ def friction_law(friction: Friction, default_stick_velocity: float) -> FrictionL
     )
 
 
-def _of_term(term: FrictionTerm, stribeck: Stribeck | None) -> tuple[Strength, Sequence[Row]]:
-    """Return a term at rest and in motion; refuse by the name of its class what is no friction."""
+def checked_law(friction: Friction, default_stick_velocity: float) -> FrictionLaw:
+    """Return the law of a scene's entry; refuse by the name of its class what is no friction."""
+    for term in friction.terms:
+        _check_term(term, friction.stribeck)
+    return friction_law(friction, default_stick_velocity)
+
+
+def _check_term(term: FrictionTerm, stribeck: Stribeck | None) -> None:
     rest, rows, name = term.at_rest(), term.rows(stribeck), type(term).__name__
 
     def holds(value: object, kind: type[tuple[float, ...]]) -> bool:
@@ -112,7 +117,6 @@ def _of_term(term: FrictionTerm, stribeck: Stribeck | None) -> tuple[Strength, S
             f"{name}.at_rest: {brief(rest)} is less than its rows without a power of the speed, "
             f"{brief(dry)}: return at least their sum, or a joint that slips could not stop"
         )
-    return rest, rows
 
 
 def _sum(a: Strength, b: Strength) -> Strength:

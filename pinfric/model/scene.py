@@ -23,7 +23,7 @@ from pinfric.model.coordinates import from_angles
 from pinfric.model.couples import check_couples, taking_part
 from pinfric.model.drives import Drive
 from pinfric.model.entry import parse
-from pinfric.model.laws import FrictionLaw, Laws, friction_law, law_table
+from pinfric.model.laws import FrictionLaw, Laws, checked_law, friction_law, law_table
 from pinfric.model.loops import Linkage, check_bearing, make_linkage, rubs, slides
 from pinfric.model.magnitudes import LARGEST
 from pinfric.model.mobility import Mobility, mobility_of_linkage, mobility_of_tree
@@ -811,7 +811,7 @@ class Scene:
             velocity_index=int(twin.v_index[row]),
             ratio=float(twin.ratio[row]),
             axis=axis,
-            law=friction_law(friction, self.stick_velocity),
+            law=checked_law(friction, self.stick_velocity),
             friction=friction,
         )
 
@@ -827,7 +827,7 @@ class Scene:
             velocity_index=-1,
             ratio=1.0,
             axis=np.array(axis, dtype=float) / np.linalg.norm(axis),
-            law=friction_law(friction, self.stick_velocity),
+            law=checked_law(friction, self.stick_velocity),
             friction=friction,
             pair=row,
             ball=ball,

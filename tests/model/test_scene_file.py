@@ -13,7 +13,7 @@ from pinfric.model.scene_file import bundled_folder, measured_scenes
 MISFITS = r"""
 friction: {swnig: {viscous: 1}}  no joint 'swnig'
 friction: {swing: {bearing: {kind: guide, length: 0.1}, mu: MU}}  not fit a turning joint; take pin
-friction: {swing: {bearing: {kind: ball, radius: 0.1}, mu: MU}}  take pin or linear or gear .a ball fits a s
+friction: {swing: {bearing: {kind: ball, radius: 0.1}, mu: MU}}  take pin or linear or gear
 actuators: [{joint: swing}, {joint: swing}]  listed twice
 actuators: [{joint: wing}]  'swing'
 actuators: [{cylinder: {name: boom}}]  `actuators\[0\].cylinder.a`
