@@ -149,10 +149,11 @@ def patched(tree):
                     yield f"{name}({first})"
 
 
-#: Modules looked up by a name: the package's own table; an extra that may not be installed. And
-#: the number that numba gives to a function next.
+#: Modules looked up by a name: the tables of what the package and its commands have; an extra that
+#: may not be installed. And the number that numba gives to a function next.
 LOOKED_UP = {
     "pinfric": ["import_module(_PUBLIC[name])"],
+    "pinfric.cli": ["import_module(f'pinfric.{module}')"],
     "pinfric.kernels.compiled": ["FunctionIdentity._unique_ids"],
     "pinfric.show.pages.page": ["import_module(module)"],
 }
