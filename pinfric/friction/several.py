@@ -29,6 +29,8 @@ MOST_COUPLED, MOST_PARTS = 6, 20_000
 _DISTINCT, _SMALL = 1e-6, 1e-7
 #: Starts of a wide search; what Newton's method must reach there (it stops at rounding).
 _STARTS, _RESIDUAL = 200, 1e-12
+#: Of the starts' frictions, by the size of contact forces times gains; drawn once.
+_SCALES = 10.0 ** np.random.default_rng(0).uniform(-4.0, 5.0, size=16 * _STARTS)
 #: What rounding leaves of zero; what Newton's method must reach; its passes.
 _ROUNDING, _FOUND, _PASSES = 1e-12, 1e-13, 40
 #: Error of tau, as a share of it, up to which a solution counts.
@@ -71,7 +73,7 @@ def from_many_starts(
 ) -> int:
     """Append the frictions that Newton's method finds from many starts; return how many there are.
 
-    Starts are on every scale, drawn by a linear congruential generator. It proves nothing.
+    Starts are on every scale (`_SCALES`). It proves nothing.
 
     Args:
         reduced: `Reduced`.
@@ -79,16 +81,16 @@ def from_many_starts(
         solutions, found, figures: see `given_modes.solve_given_modes`; those found before.
     """
     unknown, X, _, _, gain, contact = reduced
-    z, drawn, scale = np.zeros(contact.shape[1] - 1), 1, 0.0
+    z, drawn, scale = np.zeros(contact.shape[1] - 1), contact.shape[1] - 1, 0.0
     for t in range(gain.size):
         scale = max(scale, np.abs(contact[t, 0]).max())
     scale *= largest(gain)
     for start in range(_STARTS if z.size > 0 else 0):
         for c in range(unknown.size if start > 0 else 0):
             if unknown[c] >= 0:
-                drawn = (1103515245 * drawn + 12345) % 2**31
-                size = (scale if scale > 0.0 else 1.0) * 10.0 ** (9.0 * drawn / 2**31 - 4.0)
+                size = (scale if scale > 0.0 else 1.0) * _SCALES[drawn % _SCALES.size]
                 z[unknown[c]] = -direction[c] * size
+                drawn += 1
         error, passes = newton(reduced, z, False)
         figures[1] += passes
         if error <= _RESIDUAL:

@@ -266,6 +266,8 @@ def solve_samples(search: Search) -> None:
         if _has_failed(search, i):
             continue
         begin(search, i)
+        if choice.options.max() == 1 and choice.figures[0] >= 1.0:
+            last[:] = False  # a wide search starts from frictions of all sites: it finds more
         found = solve_choice(search, i)
         _note(search, i, found)
         if found > 0:
@@ -286,7 +288,7 @@ def solve_samples(search: Search) -> None:
                 for drive in range(ends.shape[0]):
                     for side in range(2):
                         _flip(search, i, drive, side)
-            last[:] = island.last
+        last[:] = island.last
         for d in range(ends.shape[0]):
             answer.lower[i, d] += ends[d, 0]
             answer.upper[i, d] += ends[d, 1]
