@@ -796,18 +796,48 @@ def check(
 
 
 @app.command("warm-up", short_help="Compile a scene's kernels, so that no later run waits.")
-def warm_up(scene_name: SceneName) -> None:
+def warm_up(
+    scene_name: Annotated[str | None, argument("Scene file or bundled scene.", "[SCENE]")] = None,
+    everything: Annotated[bool, option("What all commands need.", "", "--all")] = False,
+) -> None:
     """Compile what the dynamics of a scene need, so that no later run waits for the compiler.
 
-    Takes a minute or two with an empty cache, seconds if everything is compiled already.
+    Takes a minute or two with an empty cache, seconds if everything is compiled already. --all
+    takes two minutes or three: open chains, loops, and what size, retime, sweep and stop need.
     """
-    scene, _ = load(scene_name)
+    if everything == (scene_name is not None):
+        raise PinfricError("warm-up: give a scene, or --all")
     from pinfric.dynamics.warm_up import warm_up
     from pinfric.show.report.values import digits
 
-    with working("compiling"):
-        seconds = warm_up(scene)
-    print_line(f"{Path(scene.source).stem}: all kernels are ready, after {digits(seconds)} s")
+    start = time.monotonic()
+    with working("compiling"), warnings.catch_warnings():
+        if scene_name is not None:
+            warm_up(load(scene_name)[0])
+        else:
+            warnings.simplefilter("ignore")  # of bundled scenes, whose results are not shown
+            warm_up(load("delta")[0])
+            scene, _ = load("ur10_braked")
+            warm_up(scene)
+            _warm_up_studies(scene)
+    what = f"{Path(scene_name).stem}: all" if scene_name else "all"
+    print_line(f"{what} kernels are ready, after {digits(time.monotonic() - start)} s")
+
+
+def _warm_up_studies(scene: Any) -> None:
+    from pinfric.motions.trajectory import load_trajectory
+    from pinfric.retiming.retime import retime
+    from pinfric.sizing.size import size
+    from pinfric.stops.study import stop
+    from pinfric.sweeps.run import sweep
+
+    motion = load_trajectory("ur10_machine_tending", scene)
+    size(scene, motion, "default", on_miss="ignore")
+    stop(scene, motion)
+    retime(scene, motion)
+    speed = {"uniform": {"low": 0.9, "high": 1.1}}
+    varied = {"pinfric_sweep": 1, "samples": 2, "parameters": {"speed": speed}}
+    sweep(scene, motion, varied, processes=1)
 
 
 @app.command(short_help="Measure computing time against accuracy.")

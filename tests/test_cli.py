@@ -275,3 +275,14 @@ def test_a_name_without_letters_in_any_font_is_one_line(files, capsys):
     said = told(capsys, "inverse", "arm.yaml", "way.yaml", "--out", "found").err
     assert "Glyph" not in said
     assert said.count("the pictures show boxes for letters of names that no font here has") == 1
+
+
+@pytest.mark.parametrize("arguments", [(), ("pendulum", "--all")])
+def test_warm_up_takes_a_scene_or_all(capsys, arguments):
+    assert "give a scene, or --all" in told(capsys, "warm-up", *arguments, code=2).err
+
+
+@pytest.mark.slow
+def test_after_warm_up_of_all_nothing_is_compiled(capsys):
+    told(capsys, "warm-up", "--all")
+    assert "compiling" not in told(capsys, "retime", *["panda_pick_and_place"] * 2).err
