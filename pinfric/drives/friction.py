@@ -26,7 +26,7 @@ def drive_friction(scene: Scene) -> dict[str, dict[str, str]]:
             if f"friction.{name}.{key}" in guesses
             else "measured by motor currents"
             if by_motors
-            else "the loss of its gear"
+            else "lost in the gear"
             if key == "mu"
             else "with `includes_drive`" * entry.includes_drive
             for key, term in entry
@@ -44,14 +44,22 @@ def without_drives(scene: Scene, names: Collection[str]) -> Scene:
         scene: where `drive_friction` says of friction that it is the drives', it becomes 0.
         names: of the drives that others replace.
     """
+    sites = sites_of(scene, names)
     changed = {
         name: (entry := scene.friction[name]).model_copy(
             update={key: getattr(entry, key).scaled(0.0) for key in keys}
         )
         for name, keys in drive_friction(scene).items()
-        if name in names
+        if name in sites
     }
     return replace(scene, friction={**scene.friction, **changed}) if changed else scene
+
+
+def sites_of(scene: Scene, names: Collection[str]) -> set[str]:
+    """Return under which names the friction of the named drives stands: mostly their joints'."""
+    if scene.actuators is None:
+        return set(names)
+    return {a.joint or a.drive_name for a in scene.actuators if a.drive_name in names}
 
 
 def own_friction(scene: Scene, name: str) -> float:

@@ -22,7 +22,7 @@ import numpy as np
 from pinfric.dynamics.samples.reactions import state_wrenches
 from pinfric.dynamics.samples.states import States
 from pinfric.identification.columns import PASS, Prepared
-from pinfric.identification.estimate import Estimate
+from pinfric.identification.estimate import Estimate, turns
 from pinfric.identification.laws import COULOMB, FALL_SPEED, INERTIA
 from pinfric.identification.normal import orthonormal, residuals
 from pinfric.model.arrays import FloatArray
@@ -259,17 +259,16 @@ def _shapes(found: Estimate, joint: int, track: _Track) -> Iterator[tuple[str, F
 def _by_angle(found: Estimate, joint: int, track: _Track) -> Iterator[tuple[str, FloatArray]]:
     """Shapes over the turn of the joint, or its travel, and over the turn of its motor."""
     drive, sign = found.scene.drives[joint], np.sign(track.v)
-    kind = found.scene.model.joints[joint + 1].shortname()
-    turns = not kind.startswith("JointModelP")
+    turning = turns(found.scene, found.scene.joint_names[joint])
     low, high = float(track.q.min()), float(track.q.max())
-    angle = track.q if turns else np.pi * (track.q - low) / max(high - low, 1e-12)
+    angle = track.q if turning else np.pi * (track.q - low) / max(high - low, 1e-12)
     for k in _HARMONICS:
         waves = np.column_stack((np.sin(k * angle), np.cos(k * angle)))
         often = "once" if k == 1 else "twice" if k == 2 else f"{k} times"
-        where = f"its angle ({often} per turn)" if turns else "its position"
+        where = f"its angle ({often} per turn)" if turning else "its position"
         yield where, np.hstack((waves, waves * sign[:, None]))
     ratio = abs(drive.ratio)
-    for k in (1, 2) if turns and ratio > 1.5 * _HARMONICS[-1] else ():
+    for k in (1, 2) if turning and ratio > 1.5 * _HARMONICS[-1] else ():
         # what the low pass on all columns leaves of a ripple of that frequency
         frequency = k * ratio * np.abs(track.v) / (2.0 * np.pi)
         gain = 1.0 / (1.0 + (frequency / PASS) ** 8)

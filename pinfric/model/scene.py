@@ -58,6 +58,8 @@ from pinfric.model.urdf import implausible_body
 if TYPE_CHECKING:
     from pinfric.model.upward import Solver
 
+#: m/s^2; ten times that of the largest planet, above which it is in mm/s^2.
+_LARGEST_GRAVITY = 250.0
 _COMPONENT_NAMES = ("vx", "vy", "vz", "wx", "wy", "wz")
 
 
@@ -234,6 +236,7 @@ class Scene:
         for name, kind in kinds.items():
             if (entry := getattr(self, name)) is not None:
                 set_(self, name, parse(kind, entry, self.source, at=(name,)))
+        self._check_gravity()
         self._check_start()
         self._check_bodies()
         self._check_payloads()
@@ -247,6 +250,14 @@ class Scene:
         set_(self, "mobility", self._mobility(doubts))
         self._mention_driven_base()
         self._mention_unused()
+
+    def _check_gravity(self) -> None:
+        linear = self.model.gravity.linear
+        if not np.linalg.norm(linear) <= _LARGEST_GRAVITY:
+            raise SceneError(
+                f"{self.source}: robot.gravity: should be at most {_LARGEST_GRAVITY:g} m/s^2, "
+                f"found {linear.tolist()}; check the unit"
+            )
 
     def _check_start(self) -> None:
         if self.start is None:
@@ -654,13 +665,16 @@ class Scene:
                 raise SceneError(f"{where}.{name}: {torque!r}; should be a torque (N m), 0 or more")
 
     def _check_gears(self) -> None:
-        for drive in self.drives:
-            gear, entry = drive.transmission, self.friction.get(drive.name)
-            twice = gear is not None and any(any(loss.slopes) for loss in gear.losses())
-            if twice and entry is not None and isinstance(entry.bearing, Gear):
+        for actuator in self.actuators or ():
+            gear, entry = actuator.transmission, self.friction.get(actuator.joint or "")
+            loses = gear is not None and any(any(loss.slopes) for loss in gear.losses())
+            if not loses or entry is None or not isinstance(entry.bearing, Gear):
+                continue
+            if entry.mu is not None and entry.mu.static > 0.0:
                 raise SceneError(
-                    f"{self.source}: friction.{drive.name}.bearing: the losses of this gear are "
-                    "also in its transmission's `efficiency` or `back_efficiency`: give one of them"
+                    f"{self.source}: friction.{actuator.joint}.bearing: the losses of this gear "
+                    "are also in its transmission's `efficiency` or `back_efficiency`: give one of "
+                    "them"
                 )
 
     def _check_masses(self) -> None:

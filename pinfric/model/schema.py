@@ -6,12 +6,10 @@ exist, does the bearing fit it) are in `scene.py`.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping
 from typing import Annotated, Any, Literal
 
 from pydantic import (
-    AfterValidator,
     BeforeValidator,
     ConfigDict,
     Field,
@@ -50,9 +48,6 @@ from pinfric.model.friction_terms import (
 from pinfric.model.spring_entries import LinkPoint, SpringsKey
 from pinfric.model.transmission import Transmission
 
-#: m/s^2; ten times that of the largest planet, above which it is in mm/s^2.
-_LARGEST_GRAVITY = 250.0
-
 
 class Payload(Entry):
     """A body carried by a link."""
@@ -84,14 +79,6 @@ def _word(value: Any) -> Any:
     return str(value) if isinstance(value, (int, float)) else value
 
 
-def _of_a_planet(value: tuple[float, float, float]) -> tuple[float, float, float]:
-    if math.hypot(*value) > _LARGEST_GRAVITY:
-        raise ValueError(
-            f"should be at most {_LARGEST_GRAVITY:g} m/s^2, found {list(value)}; check the unit"
-        )
-    return value
-
-
 class RobotEntry(Entry):
     """The URDF, gravity, locked joints and payloads."""
 
@@ -104,15 +91,8 @@ class RobotEntry(Entry):
         {"ur_type": "ur10", "safety_limits": True},
         default_factory=dict,
     )
-    gravity: Annotated[Vector3, AfterValidator(_of_a_planet)] = key(
-        "in the world's axes",
-        [0.0, 0.0, -9.81],
-        "m/s^2",
-        default=(
-            0.0,
-            0.0,
-            -9.81,
-        ),
+    gravity: Vector3 = key(
+        "in the world's axes", [0.0, 0.0, -9.81], "m/s^2", default=(0.0, 0.0, -9.81)
     )
     locked: dict[str, Number] = key(
         "joints that are fixed at a position and removed",

@@ -170,15 +170,20 @@ def _of_the_motion(gaps: Sequence[str], jumps: Sequence[str]) -> list[str]:
 
 
 def _of_friction(scene: Scene) -> str:
-    replaced = drive_friction(scene)
-    if replaced:
-        return (
-            f"Coulomb and viscous friction of {', '.join(replaced)} include the old drive "
+    replaced, said = drive_friction(scene), []
+    if gears := [name for name, keys in replaced.items() if "mu" in keys]:
+        said.append(
+            f"The losses of the gears of {', '.join(gears)} (`bearing: {{kind: gear}}`) are the "
+            "old ones'; the candidates' replace them."
+        )
+    if whole := [name for name, keys in replaced.items() if keys.keys() - {"mu"}]:
+        said.append(
+            f"Coulomb and viscous friction of {', '.join(whole)} include the old drive "
             "(`includes_drive`, a guess, or motor currents); the candidates' losses replace them. "
             "So friction of the joint's own bearings and seals is missing, and all of it if a "
             "candidate's no-load torque is not known."
         )
-    return (
+    return " ".join(said) or (
         "The candidates' losses are added to the scene's friction. Friction identified from "
         "motor currents already includes the old drive: mark it `includes_drive: true`, so that "
         "the drive counts once."

@@ -62,6 +62,9 @@ def rich(seed, couples=False, mimic=False):
         names = [n for n in names if n != model.names[follower]]
     friction[names[0]]["viscous"] = {"coefficient": 0.4, "exponent": 0.6}
     friction.pop(names[1])  # a joint without friction
+    last = model.joints[model.getJointId(names[-1])]
+    if not mimic and not last.shortname().startswith("JointModelP"):  # its drive loses nothing
+        friction[names[-1]]["bearing"] = {"kind": "gear"}
     actuators = [{"joint": name, "transmission": _gear(rng, k)} for k, name in enumerate(names)]
     if couples:
         actuators[1]["couples"] = {names[0]: float(rng.normal())}

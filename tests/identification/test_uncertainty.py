@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -18,6 +17,7 @@ from identify_cases import (
     NAMES,
     PIN,
     PLAIN,
+    RATIO,
     VISCOUS,
     excitation,
     fit_of,
@@ -87,13 +87,30 @@ def test_the_posterior_scatters_as_the_intervals_say(found):
     p = parameter(found, "friction", 1, "coulomb.positive")
     draws = found.posterior[p.key]
     assert np.mean((draws > p.low) & (draws < p.high)) == pytest.approx(0.95, abs=0.03)
-    # a gear that loses more leaves less to Coulomb friction, where no other law is in question
-    alone = copy.copy(found.estimate)
-    alone.choice = replace(alone.choice, rivals=((),) * 6)
-    known, places = uncertainty(alone), [len(SLOTS) + x for x in (FORWARD, GEARS["joint", "both"])]
-    own = np.searchsorted(known.place, places)
+
+
+def test_a_gear_that_loses_more_leaves_less_to_coulomb_friction():
+    """A pendulum of known mass, against (A^T A)^-1 of its four columns."""
+    t = np.arange(0.0, 40.0, 0.01)
+    q = (1.2 * np.sin(1.3 * t) + 0.7 * np.sin(0.47 * t))[:, None]
+    friction = {"arm": {"coulomb": {"static": 0.5, "kinetic": 0.5}, "viscous": 0.2}}
+    drive = {"ratio": RATIO, "efficiency": 0.8, "back_efficiency": "same_loss"}
+    scene = one_joint(friction=friction, actuators=[{"joint": "arm", "transmission": drive}])
+    motion = pf.Trajectory.from_arrays(scene, t, q)
+    result = pf.inverse_dynamics(scene, motion)
+    effort = 0.5 * RATIO * (result.motor_torque_lower + result.motor_torque_upper)
+    given = pf.Log(t, q, effort + 0.3 * np.random.default_rng(2).normal(size=effort.shape))
+    plain = one_joint(actuators=[{"joint": "arm", "transmission": {"ratio": RATIO}}])
+    found = pf.identify(plain, given, inertia="keep", laws={"arm": Law(load="gear")})
+    known = uncertainty(found.estimate)
+    own = np.searchsorted(known.place, [FORWARD, GEARS["joint", "both"]])
     (c, both), (_, g) = known.within[np.ix_(own, own)]
-    assert both < -0.2 * np.sqrt(c * g)
+    assert both < -0.25 * np.sqrt(c * g)
+    v, load = motion.v[:, 0], np.abs(result.effort_frictionless[:, 0])
+    A = np.column_stack((v > 0.0, -1.0 * (v < 0.0), v, load * np.sign(v)))[np.abs(v) > 0.05]
+    covariance = np.linalg.inv(A.T @ A)
+    alone = covariance[0, 3] / np.sqrt(covariance[0, 0] * covariance[3, 3])
+    assert both / np.sqrt(c * g) == pytest.approx(alone, abs=0.1)
 
 
 def test_an_interval_covers_both_laws_where_logs_do_not_tell_whether_a_load_counts():

@@ -99,24 +99,15 @@ def test_it_breaks_away_where_its_friction_at_rest_ends(method):
             assert net + mu * abs(net) + 0.65 == pytest.approx(effort, rel=1e-9)
 
 
+LOSING = {"ratio": 50, "efficiency": 0.9, "back_efficiency": "same_loss"}
+TWICE = "friction.arm.bearing: the losses of this gear are also in its transmission's `eff"
+
+
 @pytest.mark.parametrize(
     ("build", "says"),
     [
-        (
-            lambda: arm(
-                actuators=[
-                    {
-                        "joint": "arm",
-                        "transmission": {
-                            "ratio": 50,
-                            "efficiency": 0.9,
-                            "back_efficiency": "same_loss",
-                        },
-                    }
-                ]
-            ),
-            "friction.arm.bearing: the losses of this gear are also in its transmission's `eff",
-        ),
+        (lambda: arm(actuators=[{"joint": "arm", "transmission": LOSING}]), TWICE),
+        (lambda: arm(actuators=[{"joint": "arm", "name": "M1", "transmission": LOSING}]), TWICE),
         (
             lambda: pf.Solver(
                 pf.Scene(

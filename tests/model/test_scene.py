@@ -169,6 +169,7 @@ def test_with_gives_a_changed_scene_and_leaves_the_first():
         ({"gravity": [0.0, -9.81]}, "gravity: should be three finite numbers"),
         ({"gravity": [0.0, 0.0, np.nan]}, "gravity: should be three finite numbers"),
         ({"gravity": [0.0, 0.0, 1j]}, "gravity: .*complex numbers"),
+        ({"gravity": [0.0, 0.0, -9810.0]}, "robot.gravity: should be at most 250 m/s.2, found"),
         ({"fricton": {}}, "with_: there is no 'fricton'"),
         ({"friction": {"slid": {}}}, "there is no joint 'slid'"),
         ({"payloads": {"box": {"link": "tray", "mass": -1.0}}}, "payloads.box"),

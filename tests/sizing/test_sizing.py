@@ -362,6 +362,24 @@ def test_friction_that_holds_the_old_drive_gives_way_to_the_new_ones(
     assert alone == pytest.approx(INERTIA * ACCELERATION + whole, rel=1e-6)
 
 
+@pytest.mark.parametrize("name", [None, "M1"])
+def test_a_gear_that_is_a_bearing_gives_way_to_the_new_one(tmp_path, name):
+    """With mu of its own torque J a; the joint's own Coulomb friction stays."""
+    gear = {"bearing": {"kind": "gear"}, "mu": {"static": 0.2, "kinetic": 0.2}}
+    drives = [{"joint": "table", "name": name}]
+    table = turntable(friction={"table": dry(COULOMB) | gear}, actuators=drives)
+    report = sized_cycle(one_drive(tmp_path), table, conditions={"inertia_ratio": 20})
+    bare = sized_cycle(one_drive(tmp_path), conditions={"inertia_ratio": 20})
+    assert report.joints[0].demand.peak == pytest.approx(bare.joints[0].demand.peak, rel=1e-9)
+    assert report.joints[0].choice.candidate == bare.joints[0].choice.candidate
+    assert report.scene.friction["table"].mu.static == 0.0
+    assert friction_line(report)[0].startswith("friction: 1 of 1 joints lost in the gear, taken as")
+    assert any(x.startswith("The losses of the gears of table (`bearing: {") for x in report.notes)
+    assert not any("Coulomb and viscous friction of table" in x for x in report.notes)
+    alone = sized_cycle(scene=table).joints[0].demand.peak  # nothing takes its place
+    assert alone == pytest.approx(1.2 * INERTIA * ACCELERATION + COULOMB, rel=1e-6)
+
+
 @pytest.mark.filterwarnings("ignore:.*no candidates. motors and gears are for joints with one axis")
 def test_planar_joint_gets_its_demand_but_no_drive(tmp_path):
     body = lump(4.0)

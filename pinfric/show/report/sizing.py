@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from pinfric.drives.criterion import Status
-from pinfric.drives.friction import drive_friction
+from pinfric.drives.friction import drive_friction, sites_of
 from pinfric.drives.mounting import mounted
 from pinfric.elastic.summary import elastic_summary
 from pinfric.model.brief import counted
@@ -117,10 +117,11 @@ def _short(
 def friction_line(report: SizingReport) -> list[str]:
     """Return whose friction is taken as the old drives', where drives were chosen."""
     names = report.given.actuator_names
+    sites = sites_of(report.given, names)
     reasons = [
         dict.fromkeys(why.values())
         for name, why in drive_friction(report.given).items()
-        if name in names and report.catalog is not None
+        if name in sites and report.catalog is not None
     ]
     counts = {why: sum(why in own for own in reasons) for own in reasons for why in own}
     if not counts:
