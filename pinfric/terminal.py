@@ -10,8 +10,10 @@ import json
 import os
 import re
 import sys
+import threading
 import time
 import warnings
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from importlib.util import find_spec
@@ -22,6 +24,7 @@ import typer
 
 from pinfric import __version__
 from pinfric.errors import PinfricWarning, one_line
+from pinfric.kernels import NOTICES
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -33,6 +36,8 @@ if TYPE_CHECKING:
 
 #: Exit code where the reader of our output left.
 NO_READER = 141
+#: Seconds between two lines that say how far a command is, where its output is no terminal.
+PERIOD = 10.0
 
 #: What matplotlib warns of where a font has no such letter.
 _NO_LETTER = re.compile(r"Glyph \d+ .*missing from")
@@ -295,10 +300,29 @@ def answer(
 
 
 @contextmanager
-def working(what: str) -> Iterator[None]:
-    """Show on a terminal that something takes its time."""
-    if not sys.stderr.isatty():
+def _repeated(line: Callable[[], str]) -> Iterator[None]:
+    """Say a line each `PERIOD` s from a thread, but while kernels compile: they say their own."""
+    done = threading.Event()
+
+    def tell() -> None:
+        while not done.wait(PERIOD):
+            if not NOTICES["busy"]:
+                say(line())
+
+    threading.Thread(target=tell, daemon=True).start()
+    try:
         yield
+    finally:
+        done.set()
+
+
+@contextmanager
+def working(what: str) -> Iterator[None]:
+    """Show that something takes its time: on a terminal at once, else in a line each 10 s."""
+    if not sys.stderr.isatty():
+        began = time.monotonic()
+        with _repeated(lambda: f"{what}: {time.monotonic() - began:.0f} s so far"):
+            yield
         return
     from rich.console import Console
 
@@ -310,7 +334,9 @@ def working(what: str) -> Iterator[None]:
 def progress(what: str) -> Iterator[Callable[[int, int], None]]:
     """Give a function of what is done and of all there is to do; on a terminal it draws a bar."""
     if not sys.stderr.isatty():
-        yield lambda done, total: None
+        counts = deque([(0, 0)], maxlen=1)
+        with _repeated(lambda: f"{what}: {counts[-1][0]} of {counts[-1][1] or '?'} done"):
+            yield lambda done, total: counts.append((done, total))
         return
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeRemainingColumn

@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+import time
 import tomllib
 from pathlib import Path
 
@@ -22,6 +23,7 @@ from pinfric.errors import (
 )
 from pinfric.exporting.export import FORMATS as EXPORTS
 from pinfric.formats import FORMATS
+from pinfric.kernels import NOTICES
 from pinfric.model.csv_text import number_of
 from pinfric.model.entry import Entry, parse
 
@@ -55,6 +57,20 @@ def test_numbers_of_options_have_ascii_digits_as_those_of_files(number):
     with pytest.raises(typer.BadParameter, match="should be NAME=VALUE"):
         terminal.pairs([f"A={number}"], "--gain", number_of)
     assert terminal.weighted(f"way.csv:{number}") == (f"way.csv:{number}", 1.0)
+
+
+def test_on_a_pipe_a_line_says_how_far_a_command_is(capsys, monkeypatch):
+    monkeypatch.setattr(terminal, "PERIOD", 0.02)
+    for busy in (False, True):
+        monkeypatch.setitem(NOTICES, "busy", busy)
+        with terminal.working("sizing"):
+            time.sleep(0.1)
+        with terminal.progress("stops") as tell:
+            tell(3, 7)
+            time.sleep(0.1)
+        said = set(capsys.readouterr().err.splitlines())
+        lines = {"pinfric: sizing: 0 s so far", "pinfric: stops: 3 of 7 done"}
+        assert said == (set() if busy else lines)  # kernels that compile say their own
 
 
 def test_defect_is_one_line_unless_a_traceback_is_asked_for(files, capsys, monkeypatch):

@@ -8,5 +8,5 @@ compiling; `arrays` makes the buffers that they write.
 Gives: the same function, fast.
 """
 
-#: Whether it is said that they compile.
-NOTICES: dict[str, bool] = {"compiling": True}
+#: Whether it is said that they compile, and whether one is being compiled now.
+NOTICES: dict[str, bool] = {"compiling": True, "busy": False}

@@ -59,12 +59,14 @@ class CompileProgress(event.Listener):
         """Numba begins with a function, a root or one that another calls."""
         if self._depth == 0:
             self._began = time.monotonic()
+            NOTICES["busy"] = True
         self._depth += 1
 
     def on_end(self, _: Any) -> None:
         """It has compiled it, or failed."""
         self._depth -= 1
         if self._depth == 0:
+            NOTICES["busy"] = False
             self._seconds += time.monotonic() - self._began
             self._left.clear()
             with self._drawing:
