@@ -165,7 +165,11 @@ def find_file(path: str | Path, suffixes: tuple[str, ...], error: type[PinfricEr
         with suppress(OSError):  # no folder, or one that may not be read: nothing to suggest
             beside = [p.name for p in place.iterdir()]
             there += sorted(n for n in beside if n[n.find(".") :] in suffixes and n not in there)
-    what = f"{path} is a folder" if path.is_dir() else f"there is no file {path}"
+    if path.is_dir():
+        raise error(f"{path} is a folder; give a file: {', '.join(suffixes)}")
+    if path.is_symlink():
+        raise error(f"{path}: its link leads to no file ({os.readlink(path)})")
+    what = f"there is no file {path}"
     raise error(f"{what}, and no bundled one of that name; {choose_from(path.name, there)}")
 
 

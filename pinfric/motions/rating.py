@@ -242,7 +242,7 @@ def rate(scene: Scene, given: Rating | Mapping[str, Any]) -> Rated:
         most = _QUARTER if turns else _PEAK_ACCELERATION / _PEAK_SPEED**2 * ramp
         way = min(most, room[not up])
         to = postures[p].copy()
-        to[k] = round(here + (way if up else -way), 4)
+        to[k] = _rounded(np.array(here + (way if up else -way)), arm.limits[k])
         slowest = _PEAK_ACCELERATION * way * rating.acceleration_time / speed
         time = _whole(max(math.sqrt(slowest), _PEAK_SPEED * way / speed))
         reached = _PEAK_SPEED * way / time
@@ -416,8 +416,7 @@ class Arm:
             other[k] = self.start[k]
             if (value(other[None])[0, served] >= least[served]).all():
                 position = other
-        inside = np.ceil(self.ranges[:, 0] * 1e4) / 1e4, np.floor(self.ranges[:, 1] * 1e4) / 1e4
-        return np.clip(np.round(position, 4), *inside) + 0.0
+        return _rounded(position, self.ranges)
 
     def reach(self, position: FloatArray) -> tuple[float, float]:
         """Return how far below the base the arm is, m (0 or less), and how far the payload reaches.
@@ -462,6 +461,12 @@ def _last_link(scene: Scene) -> str:
 
 def _point(position: FloatArray, **more: Any) -> WayPoint:
     return WayPoint(q=tuple(position.tolist()), **more)
+
+
+def _rounded(position: FloatArray, limits: FloatArray) -> FloatArray:
+    """Positions (...,) to four digits that lie within limits (..., 2)."""
+    inside = np.ceil(limits[..., 0] * 1e4) / 1e4, np.floor(limits[..., 1] * 1e4) / 1e4
+    return np.clip(np.round(position, 4), *inside) + 0.0
 
 
 def _whole(time: float) -> float:

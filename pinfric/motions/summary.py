@@ -272,12 +272,17 @@ def effort_unit(scene: Scene, actuator: int) -> str:
     drive = scene.drives[actuator]
     if isinstance(drive, OffJointDrive):
         return drive.unit
-    column, twin = drive.velocity_index, scene.twin()
+    return "N" if slides(scene, drive.velocity_index) else "N m"
+
+
+def slides(scene: Scene, column: int) -> bool:
+    """Return whether a column of v is a speed along an axis (m/s), not about one (rad/s)."""
+    twin = scene.twin()
     for row, joint in enumerate(scene.model.joints[1:]):
         if joint.idx_v <= column < joint.idx_v + joint.nv:
             if joint.nv == 1:
-                return "N" if twin.kind[row] == PRISMATIC else "N m"
-            return "N" if twin.components[row, column - joint.idx_v] < 3 else "N m"
+                return bool(twin.kind[row] == PRISMATIC)
+            return bool(twin.components[row, column - joint.idx_v] < 3)
     raise AssertionError(f"no joint moves column {column}")
 
 

@@ -107,7 +107,11 @@ class MotorsFile(Entry):
     """A file of motors: for each drive limits, or the name of a drive of the catalogue."""
 
     pinfric_motors: Version = key("version of the format", 1)
-    catalog: str = key("file, or `default` for the bundled one", "default", default="default")
+    catalog: str = key(
+        "file, from the folder of this one, or `default` for the bundled one",
+        "default",
+        default="default",
+    )
     conditions: GivenConditions = key(
         "values that replace those of the catalogue", {"bus_voltage": 24.0}, default_factory=dict
     )
@@ -157,7 +161,9 @@ def read_limits(scene: Scene, limits: LimitsLike) -> tuple[DriveLimits, ...]:
         content = read_yaml(Path(limits), CatalogError, "pinfric_motors")
         file = parse(MotorsFile, content, str(limits), CatalogError)
         given, others, conditions = file.drives, file.others, file.conditions
-        catalog, where = file.catalog, f"{limits}: drives"
+        where = f"{limits}: drives"
+        if file.catalog != "default":
+            catalog = str(Path(limits).parent / file.catalog)
     for name in given:
         if name not in scene.actuator_names:
             raise RetimeError(

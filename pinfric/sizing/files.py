@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pinfric.drives.friction import drive_friction
+from pinfric.model.robot import locator
 from pinfric.model.scene_text import robot_with_bodies, scene_content
 from pinfric.model.yamlfile import yaml_text
 
@@ -38,7 +39,7 @@ def sized_files(report: SizingReport, folder: Path) -> dict[str, str]:
     bundled = catalog.source == "default"
     motors = {
         "pinfric_motors": 1,
-        "catalog": "default" if bundled else str(Path(catalog.source).resolve()),
+        "catalog": "default" if bundled else locator(Path(catalog.source), folder),
         "conditions": report.conditions.model_dump(mode="json", exclude_defaults=True),
         "drives": drives,
     }

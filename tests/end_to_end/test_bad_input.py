@@ -149,7 +149,8 @@ replay arm.yaml motion.csv --html EMPTY      Invalid value for --html: is not a 
 inverse arm.yaml EMPTY                       the name of the trajectory is empty
 sweep arm.yaml motion.csv EMPTY              the name of the sweep is empty
 inverse parts motion.csv                     parts is a folder
-inverse arm.yaml parts                       parts is a folder
+inverse arm.yaml parts                       parts is a folder; give a file
+inverse loop.yaml motion.csv                 loop.yaml: its link leads to no file (loop.yaml)
 inverse arm.yaml way.yaml --effort-at x      Invalid value for '--effort-at': 'x'; should be refl
 replay arm.yaml --effort-at x                Invalid value for '--effort-at': 'x'; should be refl
 identify arm.yaml motion.csv --effort-at x   Invalid value for '--effort-at': 'x'; should be refl
@@ -163,6 +164,7 @@ def test_a_name_that_is_none_or_a_folders(given, words, tmp_path, monkeypatch, c
     for name, content in FILES.items():
         (tmp_path / name).write_text(content)
     (tmp_path / "parts").mkdir()
+    (tmp_path / "loop.yaml").symlink_to("loop.yaml")
     monkeypatch.chdir(tmp_path)
     error = refused(capsys, *("" if word == "EMPTY" else word for word in given.split()))
     assert error.startswith(f"pinfric: error: {words}")

@@ -137,6 +137,15 @@ def test_where_a_limit_is_in_the_way_the_joint_moves_down(tmp_path):
     assert boom.to[1] == pytest.approx(-0.3 - np.pi / 2, abs=1e-4)
 
 
+def test_a_move_to_a_limit_ends_before_it(tmp_path):
+    robot = read_robot(
+        write_arm(tmp_path, 'lower="0.3" upper="1.9"', 'lower="0.3" upper="1.00006"'), {}
+    )
+    rated = rate(pf.Scene(robot.model, robot=robot), {"payload": 2.0, "link": "tool"})
+    assert rated.lifts[1].to[1] == 1.0
+    assert len(list(rated.motions())) > len(rated.lifts)  # each within the limits
+
+
 def test_few_postures_serve_all_joints(tmp_path):
     assert [len(rated_of(name, tmp_path)[1].postures) for name in ("ur10", "ur5", "ur3")] == [2] * 3
 

@@ -19,6 +19,8 @@ def test_the_sized_scene_is_the_reports_and_goes_with_it(tmp_path, capsys):
     motion = pf.load_trajectory("three_link", scene)
     report = pf.size(scene, motion, catalog)
     read = pf.load_scene(tmp_path / "out/sized.scene.yaml")
+    motors = yaml.safe_load((tmp_path / "out/motors.yaml").read_text())
+    assert motors["catalog"] == "../catalog.yaml"  # both may move together
     for ours in (read, limited_scene(scene, read_limits(scene, tmp_path / "out/motors.yaml"))):
         found = pf.inverse_dynamics(ours, motion)
         assert np.allclose(found.effort_upper, report.result.effort_upper, rtol=1e-9, atol=1e-9)

@@ -229,12 +229,16 @@ def test_the_tools_path_of_a_turn_is_an_arc():
 
 
 def test_a_brake_that_is_too_weak_is_named():
-    with pytest.raises(StopError, match=r"axis still moves.*brake of 0\.2 N m .* too weak"):
+    with pytest.raises(
+        StopError, match=r"axis still moves at \S+ m/s .*brake of 0\.2 N m .* too weak"
+    ):
         stop_motion(machine(lift(), 0.2, 0.05), np.zeros(1), np.zeros(1))
 
 
 def test_no_brake_under_gravity_is_named_with_what_to_give():
-    with pytest.raises(StopError, match=r"axis still moves.*no brake: give .*engage_time: s"):
+    with pytest.raises(
+        StopError, match=r"axis still moves at \S+ m/s .*no brake: give .*engage_time: s"
+    ):
         stop_motion(machine(lift(), None, 0.0), np.zeros(1), np.zeros(1))
 
 
