@@ -10,6 +10,7 @@ import os
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -41,7 +42,7 @@ from pinfric.motions.joint_columns import (
     velocity_warnings,
 )
 from pinfric.motions.log.bags import is_bag
-from pinfric.motions.log.frame import Log
+from pinfric.motions.log.frame import Log, Remarks
 from pinfric.motions.log.reader import read_log
 from pinfric.motions.log.reading import Reading, ReadingOptions
 from pinfric.motions.loop_motion import complete_motion, named_columns
@@ -164,54 +165,51 @@ class Trajectory:
                 f"{source}: from_arrays(scene, t, q, ...): scene is a {type(scene).__name__}, "
                 "which has no Pinocchio model; give the scene first"
             )
-        model, payloads = scene.model, _defaults(scene)
-
-        def numbers(name: str, given: ArrayLike) -> FloatArray:
-            return real_numbers(f"{source}: {name}", given, TrajectoryError)
-
-        times, qs = np.atleast_1d(numbers("t", t)), numbers("q", q)
-        v, a = (None if x is None else numbers(n, x) for n, x in (("v", v), ("a", a)))
-        given, rows = attached or {}, times.size
+        model, payloads, carried = scene.model, _defaults(scene), attached or {}
+        arrays = {
+            name: real_numbers(f"{source}: {name}", array, TrajectoryError)
+            for name, array in (("t", t), ("q", q), ("v", v), ("a", a))
+            if array is not None or name in ("t", "q")
+        }
+        times = np.atleast_1d(arrays.pop("t"))
+        rows, widths = times.size, {"q": model.nq, "v": model.nv, "a": model.nv}
         problems = [
-            f"{name} has shape {array.shape}; the model needs (T, {width}) = ({rows}, {count})"
+            f"{name} has shape {array.shape}; the model needs (T, {'nq' if name == 'q' else 'nv'}) "
+            f"= ({rows}, {widths[name]})"
             + (from_angles(model, array.shape[-1]) if name == "q" and array.ndim else "")
-            for name, array, width, count in (
-                ("q", qs, "nq", model.nq),
-                ("v", v, "nv", model.nv),
-                ("a", a, "nv", model.nv),
-            )
-            if array is not None and array.shape != (rows, count)
+            for name, array in arrays.items()
+            if array.shape != (rows, widths[name])
         ]
         problems += [
             f"attached: unknown payload {name!r}; {choose_from(name, payloads)}"
-            for name in given
+            for name in carried
             if name not in payloads
         ]
         problems += [
             f"attached: {name!r} has shape {np.shape(values)}; one bool or ({rows},) is needed"
-            for name, values in given.items()
+            for name, values in carried.items()
             if np.shape(values) not in ((), (rows,))
         ]
         has_many = any(count > 1 for count in model.nvs)
-        if has_many and (v is None or a is None):
+        if has_many and len(arrays) < len(widths):
             problems.append("a planar, spherical or floating joint needs v and a given")
-        if not problems:
-            problems += _value_problems(times, (("q", qs), ("v", v), ("a", a)))
-        refuse(source, problems)
-        if has_many and v is not None and a is not None:
+        refuse(source, problems or _value_problems(times, arrays.items()))
+        if has_many:
             joints = zip(model.names, model.nqs, model.nvs, strict=True)
-            moving = [(name, int(nq)) for name, nq, nv in joints if nv > 0]
-            names, nqs = tuple(name for name, _ in moving), tuple(nq for _, nq in moving)
-            carried = _attached_columns(payloads, given, times.size)
-            return cls(times, qs, v, a, carried, tuple(payloads), names, source, nqs)
+            moving = {name: int(nq) for name, nq, nv in joints if nv > 0}
+            q, v, a = arrays.values()
+            phases = _attached_columns(payloads, carried, rows)
+            names, nqs = tuple(moving), tuple(moving.values())
+            return cls(times, q, v, a, phases, tuple(payloads), names, source, nqs)
         columns = joint_columns(model, source)
-        refuse(source, unit_circle_problems(columns, qs))
+        refuse(source, unit_circle_problems(columns, arrays["q"]))
+        nothing = np.full((rows, model.nv), np.nan)
         table = TrajectoryTable(
             times,
-            single_positions(qs, [column.nq for column in columns]),
-            np.full((times.size, model.nv), np.nan) if v is None else v,
-            np.full((times.size, model.nv), np.nan) if a is None else a,
-            {name: np.asarray(values, dtype=bool) for name, values in given.items()},
+            single_positions(arrays["q"], [column.nq for column in columns]),
+            arrays.get("v", nothing),
+            arrays.get("a", nothing),
+            {name: np.asarray(values, dtype=bool) for name, values in carried.items()},
             np.zeros(len(columns)),
         )
         return _from_table(source, scene, columns, columns, table)
@@ -378,22 +376,11 @@ def read_trajectory(
                 "file in place of --unit"
             )
         return _from_waypoints(source, scene, columns)
-    problems: list[str] = []
-
-    def choose(names: Sequence[str], wrong: list[str]) -> tuple[JointColumn, ...]:
-        return named_columns(scene, columns, names, wrong)
-
     robot = getattr(scene, "robot", None)  # none of a model made in Python
-    named, table, reading = read_log(
-        source,
-        columns,
-        list(scene.payloads),
-        choose,
-        options,
-        problems,
-        _locked(robot) if robot else {},
-    )
-    found = _from_table(name, scene, columns, named, table, problems, reading.filtered)
+    said, choose = Remarks(), partial(named_columns, scene, columns)
+    locked, payloads = _locked(robot) if robot else {}, list(scene.payloads)
+    named, table, reading = read_log(source, columns, payloads, choose, options, said, locked)
+    found = _from_table(name, scene, columns, named, table, said.problems, reading.filtered)
     return replace(found, reading=reading, warnings=(*reading.notes, *found.warnings))
 
 
@@ -433,22 +420,12 @@ def _from_table(
     `filtered` derivatives come from each joint by itself, as those of splines do.
     """
     followers = find_followers(scene, columns)
-    # Numbers that a file gives (none where derivatives are to come) beyond any motion's
-    given = (
-        ("t", table.t),
-        ("position", table.position),
-        ("velocity", table.velocity),
-        ("acceleration", table.acceleration),
-    )
-    wrong = [
-        *problems,
-        *[
-            f"{name}: {array.flat[int(np.argmax(large))]:g} is beyond {LARGEST_OF_A_MOTION:g}"
-            for name, array in given
-            if (large := np.isfinite(array) & impossible(array)).any()
-        ],
-        *limit_problems(named, table.t, table.position),
-    ]
+    wrong = [*problems]
+    for name in ("t", "position", "velocity", "acceleration"):
+        array: FloatArray = getattr(table, name)  # not finite where derivatives are to come
+        if (large := np.isfinite(array) & impossible(array)).any():
+            wrong.append(f"{name}: {array[large][0]:g} is beyond {LARGEST_OF_A_MOTION:g}")
+    wrong += limit_problems(named, table.t, table.position)
     if len(named) == len(columns):
         wrong += follower_problems(followers, columns, table.t, table.position)
     refuse(source, wrong)
@@ -464,7 +441,7 @@ def _from_table(
             scene, source, columns, named, table.position, v, a, derived, said
         )
         moved = single_positions(q, [column.nq for column in columns])
-        wrong += limit_problems(columns, table.t, moved)
+        wrong = limit_problems(columns, table.t, moved)
         refuse(source, wrong + follower_problems(followers, columns, table.t, moved))
     else:
         q = configurations(columns, table.position, scene.model.nq)
@@ -497,12 +474,12 @@ def _attached_columns(
     return attached
 
 
-def _value_problems(t: FloatArray, arrays: Iterable[tuple[str, ArrayLike | None]]) -> list[str]:
+def _value_problems(t: FloatArray, arrays: Iterable[tuple[str, FloatArray]]) -> list[str]:
     if t.size == 0:
         return ["there are no samples"]
     problems = []
     for name, array in (("t", t), *arrays):
-        if array is not None and (wrong := impossible(np.asarray(array))).any():
+        if (wrong := impossible(array)).any():
             samples = np.unique(np.argwhere(wrong)[:, 0])
             finite = np.isfinite(array).all()
             what = f"beyond {LARGEST_OF_A_MOTION:g}" if finite else "not finite"

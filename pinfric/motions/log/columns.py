@@ -21,6 +21,7 @@ from pinfric.errors import TrajectoryError, choose_from
 from pinfric.model.entry import Entry, Forms, Number, Positive, key, optional, parse
 from pinfric.model.yamlfile import brief, cut, read_yaml
 from pinfric.motions.joint_columns import JointColumn, listing
+from pinfric.motions.log.frame import Remarks
 
 PAYLOAD = "payload."
 #: Words for the quantities, in lower case.
@@ -148,7 +149,6 @@ class Columns:
     planned: bool = True
     payloads: list[str] = field(default_factory=list)
     ignored: list[str] = field(default_factory=list)
-    notes: list[str] = field(default_factory=list)
 
     def used(self) -> list[str]:
         """Every column that is read, time first."""
@@ -178,7 +178,7 @@ def find_columns(
     joints: Sequence[JointColumn],
     payloads: Sequence[str],
     mapping: ColumnsFile | None,
-    problems: list[str],
+    said: Remarks,
     currents: Collection[str] = (),
 ) -> Columns:
     """Say which column is what.
@@ -189,10 +189,10 @@ def find_columns(
         joints: those that may have columns.
         payloads: those that may have a column `payload.<name>`.
         mapping: what a person says of it.
-        problems: what is missing, twice there or unknown is appended here.
+        said: what is missing, twice there or unknown is added here.
         currents: joints whose current, where there is no effort, is read in its place.
     """
-    found = Columns()
+    found, problems = Columns(), said.problems
     names = [joint.name for joint in joints]
     claims: dict[tuple[str, str], list[str]] = {}
     numbered = {}  # number -> joint, from columns `name_0` or `name[0]` that hold the joints' names
@@ -219,7 +219,7 @@ def find_columns(
     if mapping is not None:
         _apply(mapping, header, names, claims, found, problems)
     if not found.position and not any(quantity == "position" for _, quantity in claims):
-        _take_in_order(header, names, claims, found, currents)
+        _take_in_order(header, names, claims, said, currents)
     _settle(claims, found, problems, currents)
     used = {*found.used(), *named}
     found.ignored = [column for column in dict.fromkeys(found.ignored) if column not in used]
@@ -244,7 +244,7 @@ def _take_in_order(
     header: Sequence[str],
     names: Sequence[str],
     claims: dict[tuple[str, str], list[str]],
-    found: Columns,
+    said: Remarks,
     currents: Collection[str],
 ) -> None:
     """Take columns that only number the joints in the scene's order, if there is one for each.
@@ -282,7 +282,7 @@ def _take_in_order(
             claims.setdefault((name, kind), []).append(column)
         if kind == "current" and not currents:
             continue  # they are not read
-        found.notes.append(
+        said.notes.append(
             f"columns {ordered[0]} to {ordered[-1]} are read in the scene's order, "
             f"{names[0]} to {names[-1]}"
         )

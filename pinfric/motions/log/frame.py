@@ -44,6 +44,24 @@ def check_size(path: Path, rows: int, columns: int = 1, inflated: int = 0) -> No
             raise TrajectoryError(f"{path}: has more than {most:,} {what}; split it")
 
 
+@dataclass
+class Remarks:
+    """What the steps of reading say.
+
+    Attributes:
+        problems: all that is wrong: one message refuses the file.
+        notes: what was guessed, repaired or left out.
+    """
+
+    problems: list[str] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+
+    def ask(self, check: Callable[..., list[str]], *of: Any) -> None:
+        """Add what a check finds where nothing is wrong; else it would blame what follows."""
+        if not self.problems:
+            self.problems += check(*of)
+
+
 @dataclass(frozen=True)
 class LogFrame:
     """Numbers of the columns that were asked for.

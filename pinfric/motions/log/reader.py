@@ -27,7 +27,7 @@ from pinfric.motions.log.columns import (
 )
 from pinfric.motions.log.csv_file import open_csv
 from pinfric.motions.log.files import open_json, open_matlab, open_numpy, open_parquet
-from pinfric.motions.log.frame import Log, LogFrame, OpenedLog
+from pinfric.motions.log.frame import Log, LogFrame, OpenedLog, Remarks
 from pinfric.motions.log.motion import Samples, regularise, smooth, unwrapped
 from pinfric.motions.log.reading import ANGLE_UNITS, Reading, ReadingOptions, Thinning
 from pinfric.motions.log.rows import check_times, gap_problems, mended_effort, ordered_rows
@@ -38,7 +38,6 @@ from pinfric.motions.log.units import (
     is_clock,
     slow_angles,
     time_factor,
-    unwrapped_steps,
     wrong_velocities,
 )
 from pinfric.motions.table import TrajectoryTable, mismatch_warning
@@ -66,7 +65,7 @@ def read_log(
     payloads: Sequence[str],
     choose: Callable[[Sequence[str], list[str]], tuple[JointColumn, ...]],
     options: ReadingOptions,
-    problems: list[str],
+    said: Remarks,
     locked: Mapping[str, tuple[float, str]] = MappingProxyType({}),
 ) -> Logged:
     """Read a CSV, Parquet or MATLAB file, a bag, or arrays.
@@ -77,45 +76,45 @@ def read_log(
         payloads: those that may have a column `payload.<name>`.
         choose: names of the joints that have positions, problems -> the joints that must have.
         options: what the person said.
-        problems: everything wrong in the file is appended here.
+        said: everything wrong in the file is added here.
         locked: joint -> where the scene fixes it, and the unit of that, "rad" or "m".
 
     Raises:
         TrajectoryError: the file cannot be opened, or holds nothing to compute with.
     """
-    name = source.name if isinstance(source, Log) else str(source)
     if isinstance(source, Log):
-        log, mapping = source.opened([joint.name for joint in joints]), None
+        name, log, mapping = source.name, source.opened([joint.name for joint in joints]), None
     else:
-        log, mapping = _open(source, joints), read_mapping(source, options.columns)
-    found = find_columns(
-        log.header, log.first, joints, payloads, mapping, problems, options.currents
-    )
-    options = replace(options, unit=options.unit or (mapping.unit if mapping else None))
+        name, log = str(source), _open(source, joints)
+        mapping = read_mapping(source, options.columns)
+    said.notes += log.notes
+    found = find_columns(log.header, log.first, joints, payloads, mapping, said, options.currents)
     found.effort = {x: use for x, use in found.effort.items() if x not in options.without}
-    named = choose(list(found.position), problems)
+    found.time_unit = options.time_unit or found.time_unit or log.units.get(found.time)
+    options = replace(options, unit=options.unit or (mapping.unit if mapping else None))
+    named = choose(list(found.position), said.problems)
     missing = [column.name for column in named if column.name not in found.position]
     others = listing(map(brief, found.ignored))
     if missing and found.position:
         near = f" (columns not used: {others})" if others else ""
-        problems.append(
+        said.problems.append(
             f"joints without a column: {', '.join(missing)}{near}; name theirs by "
             "--columns FILE, or lock them in the scene (robot: locked)"
         )
+    said.notes += [f"columns not used: {others}"] if others else []
     named = tuple(column for column in named if column.name in found.position)
     if not (found.time or found.rate) or not named:
-        refuse(name, problems)
-    notes = [*log.notes, *found.notes, *([f"columns not used: {others}"] if others else [])]
-    samples, efforts, factors = _to_si(name, log, found, named, options, problems, notes)
+        refuse(name, said.problems)
+    samples, factors = _to_si(name, log, found, named, options, said)
     turns = [factor for column, factor in zip(named, factors, strict=True) if column.unit == "rad"]
-    problems += _moving_though_locked(log, found.ignored, locked, (turns or [1.0])[0])
-    if not problems:
+    said.problems += _moving_though_locked(log, found.ignored, locked, (turns or [1.0])[0])
+    if not said.problems:
         samples = smooth(samples, regularise(samples), options)
         if samples.reading.filtered and found.planned and found.velocity and not log.recorded:
             samples.said(
                 "velocities in the file are not used: they are derived from filtered positions"
             )
-        _finish(samples, log.recorded, efforts, options.thinning)
+        _finish(samples, log.recorded, options.thinning)
     return named, samples.table, samples.reading
 
 
@@ -137,8 +136,8 @@ def _open(path: Path, joints: Sequence[JointColumn]) -> OpenedLog:
     )
 
 
-def _refuse_absurd(name: str, cells: LogFrame, found: Columns, problems: list[str]) -> None:
-    """Refuse numbers beyond those of any motion before units, noise and speeds are asked of them.
+def _absurd(cells: LogFrame, found: Columns) -> list[str]:
+    """Return numbers beyond those of any motion: units, noise and speeds cannot be asked of them.
 
     Times have their own bounds: nanoseconds since 1970 are beyond 1e18.
     """
@@ -149,12 +148,11 @@ def _refuse_absurd(name: str, cells: LogFrame, found: Columns, problems: list[st
         for joint, use in uses.items()
         for column in [cells.column(use.column)]
     }
-    absurd = [
+    return [
         f"{what}: {value:g} is beyond {LARGEST_OF_A_MOTION:g}"
         for what, value in worst.items()
         if value > LARGEST_OF_A_MOTION
     ]
-    refuse(name, [*problems, *absurd] if absurd else [])
 
 
 def _to_si(
@@ -163,62 +161,62 @@ def _to_si(
     found: Columns,
     named: tuple[JointColumn, ...],
     options: ReadingOptions,
-    problems: list[str],
-    notes: list[str],
-) -> tuple[Samples, dict[str, FloatArray], list[float]]:
-    """Return the rows in SI and in order of time, joint -> (rows,) effort, and rad per unit."""
-    cells = log.read(found.used(), problems)
-    if len(cells.values) == 0:
-        refuse(name, problems)
-    _refuse_absurd(name, cells, found, problems)
+    said: Remarks,
+) -> tuple[Samples, list[float]]:
+    """Return the rows in SI and in order of time, each with its effort, and rad per unit."""
+    # 1. numbers
+    cells = log.read(found.used(), said.problems)
+    said.problems += (absurd := _absurd(cells, found))
+    if absurd or not len(cells.values):
+        refuse(name, said.problems or ["there are no samples"])
     if cells.dropped:
         every = len(cells.values) + cells.dropped
-        notes.append(f"left out {counted(cells.dropped, 'row')} of {every}: {cells.why}")
+        said.notes.append(f"left out {counted(cells.dropped, 'row')} of {every}: {cells.why}")
     if cells.absent:
-        notes.append(f"{counted(cells.absent, 'row')} without positions skipped")
+        said.notes.append(f"{counted(cells.absent, 'row')} without positions skipped")
+    # 2. units; a person knows better than a header
     uses = [found.position[column.name] for column in named]
-    raw = _quantity(cells, {name: Use(use.column) for name, use in found.position.items()}, named)
-    known = [use.unit for use in uses]
-    if found.by_header and options.unit:  # a person knows better than a header
-        known = [None] * len(known)
-    factors = angle_unit(named, raw, known, options.unit, problems, notes)
-    del raw
+    known = [None if found.by_header and options.unit else use.unit for use in uses]
+    raw = (cells.column(use.column) for use in uses)
+    factors = angle_unit(named, raw, known, options.unit, said)
     position = _quantity(cells, found.position, named, factors)
-    resolution = np.array([cells.resolution.get(use.column, 0.0) for use in uses])
-    found.time_unit = options.time_unit or found.time_unit or log.units.get(found.time)
-    t = _seconds(cells, found, _speeds(named, position), problems, notes)
-    check_times(t, cells.lines, problems)
-    kept = ordered_rows(t, cells.lines, problems, notes)
+    t = _seconds(cells, found, named, position, said)
+    # 3. order
+    check_times(t, cells.lines, said.problems)
+    kept = ordered_rows(t, cells.lines, said)
     taken = slice(None) if kept.size == t.size else kept
-    t, position = t[kept], position[taken]
-    planned, by_header = found.planned and bool(found.velocity), found.by_header
-    if not problems and not planned and set(factors) == {1.0}:
-        problems += fast_angles(named, t, position, known, options.unit)
-    if not problems and by_header and not options.unit:
-        problems += slow_angles(named, t, position, factors)
-    position = unwrapped(named, position, notes)
     lines = [cells.lines[i] for i in kept] if kept.size < len(cells.lines) else cells.lines
-    if not problems and not planned:
-        problems += frozen_angles(named, t, position, lines)
+    t, position = t[kept], position[taken]
+    # 4. what contradicts the units, turns, frozen encoders
+    planned = found.planned and bool(found.velocity)
+    if not planned and set(factors) == {1.0}:
+        said.ask(fast_angles, named, t, position, known, options.unit)
+    if found.by_header and not options.unit:
+        said.ask(slow_angles, named, t, position, factors)
+    position = unwrapped(named, position, said.notes)
+    if not planned:
+        said.ask(frozen_angles, named, t, position, lines)
+    # 5. all else in the rows
     velocity, acceleration = (
         _quantity(cells, part, named, _own_units(part, named, factors, options.unit))[taken]
         for part in (found.velocity, found.acceleration)
     )
-    attached = {name: _phase(cells, name, problems)[kept] for name in found.payloads}
+    attached = {name: _phase(cells, name, said.problems)[kept] for name in found.payloads}
     efforts = {
-        column.name: mended_effort(column.name, effort[taken], q, lines, problems, notes)
+        column.name: mended_effort(column.name, effort[taken], q, lines, said)
         for column, q in zip(named, position.T, strict=True)
         if (use := found.effort.get(column.name))
         for effort in [use.factor * cells.column(use.column)]
     }
-    table = TrajectoryTable(
-        t, position, velocity, acceleration, attached, resolution * np.abs(factors)
-    )
-    logged = velocity if found.velocity else None
-    if not problems and (log.recorded or not found.planned or efforts):
-        problems += wrong_velocities(named, t, position, velocity)
-    if not problems and (log.recorded or not found.planned):
-        notes += _compared(named, table)
+    resolution = np.array([cells.resolution.get(use.column, 0.0) for use in uses])
+    resolution = resolution * np.abs(factors)
+    table = TrajectoryTable(t, position, velocity, acceleration, attached, resolution)
+    # 6. measured velocities are only compared
+    measured = log.recorded or not found.planned
+    if measured or efforts:
+        said.ask(wrong_velocities, named, t, position, velocity)
+    if measured and not said.problems:
+        said.notes += _compared(named, table)
         nothing = np.broadcast_to(np.nan, position.shape)
         table = replace(table, velocity=nothing, acceleration=nothing)
     reading = Reading(
@@ -226,10 +224,12 @@ def _to_si(
         cells.dropped + len(cells.values) - t.size,
         noise={column.name: 0.0 for column in named},
         cutoff={column.name: None for column in named},
-        notes=tuple(notes),
+        notes=tuple(said.notes),
+        effort=efforts,
     )
     recorded, rows = log.recorded or bool(found.effort), np.arange(t.size, dtype=np.float64)
-    return Samples(named, table, rows, reading, problems, recorded, logged), efforts, factors
+    logged = velocity if found.velocity else None
+    return Samples(named, table, rows, reading, said.problems, recorded, logged), factors
 
 
 def _moving_though_locked(
@@ -257,12 +257,7 @@ def _moving_though_locked(
     return found
 
 
-def _finish(
-    samples: Samples,
-    recorded: bool,
-    efforts: Mapping[str, FloatArray],
-    thinning: Thinning | None,
-) -> None:
+def _finish(samples: Samples, recorded: bool, thinning: Thinning | None) -> None:
     """Say that a recording is smooth, refuse its gaps, and take efforts at the samples."""
     reading, t = samples.reading, samples.table.t
     if recorded:
@@ -273,7 +268,7 @@ def _finish(
             )
         samples.problems += [gap for gap in gap_problems(t) if gap not in samples.problems]
     taken = {}
-    for name, effort in efforts.items():
+    for name, effort in reading.effort.items():
         whole = np.interp(samples.rows, np.arange(effort.size), effort)
         if thinning and samples.every > 1:
             step = float(t[-1] - t[0]) / ((t.size - 1) * samples.every)
@@ -310,39 +305,27 @@ def _own_units(
     ]
 
 
-def _speeds(named: Sequence[JointColumn], position: FloatArray) -> tuple[float, float]:
-    """The largest speed over its limit, and the largest speed, per row."""
-    if len(position) < 2:
-        return 0.0, 0.0
-    largest = np.zeros(len(named))
-    for i, q in enumerate(position.T):  # one after another: a long log fills much of the memory
-        steps = unwrapped_steps(q)
-        largest[i] = np.max(steps, where=np.isfinite(steps), initial=0.0)
-    limits = np.array([column.velocity_limit for column in named])
-    return float((largest / limits).max(initial=0.0)), float(largest.max(initial=0.0))
-
-
 def _seconds(
     cells: LogFrame,
     found: Columns,
-    speeds: tuple[float, float],
-    problems: list[str],
-    notes: list[str],
+    named: Sequence[JointColumn],
+    position: FloatArray,
+    said: Remarks,
 ) -> FloatArray:
     """Return the rows' times in s, those of a clock from its first one on.
 
     Rows without a time were written at one rate; those that were left out have theirs.
     """
     if found.rate is not None:
-        notes.append(f"no column is the time: rows taken as written at {found.rate:g} Hz")
+        said.notes.append(f"no column is the time: rows taken as written at {found.rate:g} Hz")
         return (np.asarray(cells.lines, dtype=np.float64) - cells.lines[0]) / found.rate
     t = cells.column(found.time)
     start = float(cells.origin.get(found.time, 0)) + float(t[0])
     if found.nanoseconds is not None:
         return (t - t[0]) + 1e-9 * cells.column(found.nanoseconds)
-    factor = time_factor(found.time, t, start, found.time_unit, speeds, problems, notes)
+    factor = time_factor(found.time, t, start, found.time_unit, named, position, said)
     if is_clock(start * factor):
-        notes.append(f"column {found.time} is clock time: times count from its first row")
+        said.notes.append(f"column {found.time} is clock time: times count from its first row")
         t = t - t[0]
     return t if factor == 1.0 else t * factor
 

@@ -11,7 +11,7 @@ from pinfric.dynamics.inverse.result import runs
 from pinfric.model.arrays import BoolArray, FloatArray, IntArray
 from pinfric.model.brief import counted
 from pinfric.motions.joint_columns import listing
-from pinfric.motions.log.frame import BAD_SHARE, FEWEST
+from pinfric.motions.log.frame import BAD_SHARE, FEWEST, Remarks
 
 #: A step this many times the median one is a gap: what happened in it would be invented.
 GAP_FACTOR = 20.0
@@ -95,9 +95,7 @@ def check_times(t: FloatArray, lines: Sequence[int], problems: list[str]) -> Non
         problems.append(f"time steps below {_SHORTEST_STEP:g} s are refused: {where}")
 
 
-def ordered_rows(
-    t: FloatArray, lines: Sequence[int], problems: list[str], notes: list[str]
-) -> IntArray:
+def ordered_rows(t: FloatArray, lines: Sequence[int], said: Remarks) -> IntArray:
     """Return the rows to keep: those whose stamp is later than all before.
 
     Stamps that only jitter about the rows' regular time are all kept.
@@ -105,8 +103,8 @@ def ordered_rows(
     Args:
         t: (rows,) s.
         lines: (rows,) where they stand in the file.
-        problems: more than 1 % of doubled or backward stamps are appended here.
-        notes: else what was left out.
+        said: what was left out is added here; more than 1 % of doubled or backward stamps are a
+            problem.
     """
     every = np.arange(t.size)
     if not np.isfinite(t).all():  # refused already
@@ -119,12 +117,12 @@ def ordered_rows(
         where = listing(
             f"line {lines[i]} (t = {t[i]:.9g} after {t[i - 1]:.9g})" for i in wrong.tolist()
         )
-        problems.append(
+        said.problems.append(
             f"time must increase; it does not at {where}; sort the rows by time, or log finer or "
             "other stamps"
         )
         return every
-    notes.append(
+    said.notes.append(
         f"left out {counted(wrong.size, 'row')} with repeated or backward time stamps, the first "
         f"in line {lines[int(wrong[0])]}"
     )
@@ -305,8 +303,7 @@ def mended_effort(
     effort: FloatArray,
     position: FloatArray,
     lines: Sequence[int],
-    problems: list[str],
-    notes: list[str],
+    said: Remarks,
 ) -> FloatArray:
     """Return an effort with lost samples and spikes interpolated.
 
@@ -318,8 +315,7 @@ def mended_effort(
         effort: (rows,) as logged, before any low pass.
         position: (rows,) of the joint, rad or m.
         lines: (rows,) where they stand in the file.
-        problems: more than 1 % of the rows are appended here.
-        notes: else what was left out.
+        said: what was left out is added here; more than 1 % of the rows are a problem.
     """
     if effort.size < FEWEST or not np.isfinite(effort).all():
         return effort
@@ -335,12 +331,12 @@ def mended_effort(
         )
         what = what or f"up to {np.abs(effort[found]).max():.4g}, far beyond all other values"
         if found.size > BAD_SHARE * effort.size:
-            problems.append(
+            said.problems.append(
                 f"joint {joint}: its effort is {what} in {where}: samples were lost; log it again, "
                 "or leave these rows out of the file"
             )
             continue
-        notes.append(f"joint {joint}: left out its effort, {what}, in {where}")
+        said.notes.append(f"joint {joint}: left out its effort, {what}, in {where}")
         result = result.copy() if result is effort else result
         kept = np.setdiff1d(np.arange(effort.size), found)
         result[found] = np.interp(found, kept, result[kept])

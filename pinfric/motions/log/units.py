@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
 from pinfric.dynamics.inverse.result import runs
 from pinfric.model.arrays import FloatArray
 from pinfric.motions.joint_columns import LIMIT_TOLERANCE, JointColumn, listing
-from pinfric.motions.log.frame import FEWEST
+from pinfric.motions.log.frame import FEWEST, Remarks
 from pinfric.motions.log.reading import ANGLE_UNITS, TIME_UNITS
 from pinfric.motions.log.rows import GAP_FACTOR
 
@@ -46,9 +46,9 @@ def time_factor(
     t: FloatArray,
     start: float,
     given: str | None,
-    speeds: tuple[float, float],
-    problems: list[str],
-    notes: list[str],
+    columns: Sequence[JointColumn],
+    position: FloatArray,
+    said: Remarks,
 ) -> float:
     """Return s per unit of a time column.
 
@@ -60,9 +60,9 @@ def time_factor(
         t: (T,) what stands in it, `start` perhaps subtracted.
         start: its first number.
         given: the unit, where somebody said it.
-        speeds: the largest way over velocity limit of the joints, and the largest way, between
-            two rows (s; rad or m).
-        problems, notes: lines are appended here.
+        columns: (nj,) the joints.
+        position: (T, nj) rad or m.
+        said: the unit, or the choice, is added here.
     """
     if given is not None:
         return TIME_UNITS[given]
@@ -77,11 +77,12 @@ def time_factor(
     rates = {unit: 1.0 / (step * factor) for unit, factor in TIME_UNITS.items() if unit != "s"}
     fits = [unit for unit, rate in rates.items() if _SLOWEST_CLOCK <= rate <= _FASTEST]
     clocks = [unit for unit in fits if is_clock(start * TIME_UNITS[unit])]
-    possible = [unit for unit in fits if _possible(speeds, rates[unit])]
-    creeps = 0.0 < speeds[1] / step < _CREEP
+    ways = _largest_ways(columns, position)
+    possible = [unit for unit in fits if _possible(ways, rates[unit])]
+    creeps = 0.0 < ways[1] / step < _CREEP
     chosen = clocks or (possible if creeps and step > 1.0 else [])
     if len(chosen) == 1:
-        notes.append(
+        said.notes.append(
             f"column {name} is in {chosen[0]}: steps of {step:.6g} are {rates[chosen[0]]:.6g} Hz"
         )
         return TIME_UNITS[chosen[0]]
@@ -90,16 +91,28 @@ def time_factor(
         return 1.0
     choice = ", ".join(f"{unit} ({rates[unit]:.6g} Hz)" for unit in possible)
     options = ", ".join(f"--time-unit {unit}" for unit in possible)
-    problems.append(
+    said.problems.append(
         f"column {name}: steps of {step:.6g} may be {choice} or s ({1.0 / step:.3g} "
         f"Hz); give {options} or --time-unit s"
     )
     return 1.0
 
 
-def _possible(speeds: tuple[float, float], rate: float) -> bool:
+def _largest_ways(columns: Sequence[JointColumn], position: FloatArray) -> tuple[float, float]:
+    """The largest way between two rows over a joint's velocity limit (s), and the largest way."""
+    if len(position) < 2:
+        return 0.0, 0.0
+    largest = np.zeros(len(columns))
+    for i, q in enumerate(position.T):  # one after another: a long log fills much of the memory
+        steps = unwrapped_steps(q)
+        largest[i] = np.max(steps, where=np.isfinite(steps), initial=0.0)
+    limits = np.array([column.velocity_limit for column in columns])
+    return float((largest / limits).max(initial=0.0)), float(largest.max(initial=0.0))
+
+
+def _possible(ways: tuple[float, float], rate: float) -> bool:
     """Whether joints can be as fast as their ways per row are at so many rows a second."""
-    of_limits, speed = (rate * way for way in speeds)
+    of_limits, speed = (rate * way for way in ways)
     return of_limits <= _TOO_FAST if of_limits > 0.0 else speed <= _FASTEST_JOINT
 
 
@@ -110,11 +123,10 @@ def is_clock(start: float) -> bool:
 
 def angle_unit(
     columns: Sequence[JointColumn],
-    position: FloatArray,
+    raw: Iterable[FloatArray],
     known: Sequence[str | None],
     given: str | None,
-    problems: list[str],
-    notes: list[str],
+    said: Remarks,
 ) -> list[float]:
     """Return rad per unit of each joint's positions, 1 for joints that slide.
 
@@ -123,10 +135,10 @@ def angle_unit(
 
     Args:
         columns: (nj,) the joints.
-        position: (T, nj) what stands in the file; NaN is passed over.
+        raw: (nj,) of (T,) what stands in the file; NaN is passed over.
         known: (nj,) units that names or a mapping say.
         given: the unit of all others, where somebody said it.
-        problems, notes: lines are appended here.
+        said: that angles are in degrees, or the choice, is added here.
     """
     turning = [c.unit == "rad" for c in columns]
     factors = [
@@ -134,9 +146,9 @@ def angle_unit(
         for k, turns in zip(known, turning, strict=True)
     ]
     open_ = [i for i, k in enumerate(known) if turning[i] and k is None and given is None]
-    if not open_ or position.shape[0] == 0:
+    if not open_:
         return factors
-    size = [float(np.max(np.abs(q), where=np.isfinite(q), initial=0.0)) for q in position.T]
+    size = [float(np.max(np.abs(q), where=np.isfinite(q), initial=0.0)) for q in raw]
     beyond = [i for i in open_ if size[i] > max(_TWO_TURNS, _reach(columns[i]) + LIMIT_TOLERANCE)]
     degree = ANGLE_UNITS["deg"]
     if not beyond or any(size[i] * degree > _reach(columns[i]) + _SMALL for i in open_):
@@ -144,10 +156,10 @@ def angle_unit(
     names = listing(f"{columns[i].name} {size[i]:.4g}" for i in beyond)
     unclear = [i for i in open_ if _SMALL < size[i] <= 2.0 * np.pi]
     if not unclear:
-        notes.append(f"angles are in degrees (as radians beyond the limits: {names})")
+        said.notes.append(f"angles are in degrees (as radians beyond the limits: {names})")
         return [degree if i in open_ else factor for i, factor in enumerate(factors)]
     others = listing(f"{columns[i].name} {size[i]:.4g}" for i in unclear)
-    problems.append(
+    said.problems.append(
         f"angles look like degrees ({names}), but may be radians ({others}): give --unit deg or "
         "--unit rad for all, or `unit` by joint in a file given by --columns"
     )

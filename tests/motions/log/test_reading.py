@@ -1,8 +1,9 @@
 """Options of reading that cannot be are refused in one line."""
 
 import pytest
-from log_cases import NAMES, Q, T, noisy, refused, table
+from log_cases import NAMES, Q, T, arm, noisy, refused, table
 
+import pinfric as pf
 from pinfric.errors import TrajectoryError
 from pinfric.motions.log.reading import ReadingOptions
 
@@ -75,3 +76,8 @@ def test_what_cannot_be_known_is_refused_in_one_line(header, columns, parts, tmp
 def test_options_that_say_nothing_are_refused(options):
     with pytest.raises(TrajectoryError, match=r"^--"):
         ReadingOptions(**options)
+
+
+def test_a_log_without_rows_has_no_samples():
+    with pytest.raises(TrajectoryError, match="log: there are no samples"):
+        pf.load_trajectory(pf.Log([], Q[:0]), arm())

@@ -5,6 +5,7 @@ import pytest
 from log_cases import NAMES, PLAIN, Q, T, load, noisy, refused, swung, table
 from numpy.testing import assert_allclose, assert_array_equal
 
+from pinfric.motions.log.frame import Remarks
 from pinfric.motions.log.motion import _stamps_are_better
 from pinfric.motions.log.rows import mended_effort
 
@@ -185,9 +186,9 @@ EFFORT = 20.0 + 5.0 * np.sin(TIMES) + 3.0 * np.sign(np.cos(0.7 * TIMES))
 
 
 def mended(effort, position=np.sin(TIMES)):  # noqa: B008
-    problems, notes = [], []
+    said = Remarks()
     lines = range(2, 2 + effort.size)
-    return mended_effort("elbow", effort, position, lines, problems, notes), problems, notes
+    return mended_effort("elbow", effort, position, lines, said), said.problems, said.notes
 
 
 @pytest.mark.parametrize("every", [8.0, 30.0])

@@ -21,6 +21,7 @@ from numpy.testing import assert_allclose
 
 from pinfric.errors import TrajectoryError
 from pinfric.motions.joint_columns import joint_columns
+from pinfric.motions.log.frame import Remarks
 from pinfric.motions.log.reader import read_log
 from pinfric.motions.log.reading import ReadingOptions
 
@@ -188,5 +189,5 @@ def test_the_last_digit_of_degrees_is_one_of_radians(tmp_path):
     path = tmp_path / "log.csv"
     path.write_text(table(("t", *NAMES), T, np.degrees(Q), form="%.3f"))
     columns = joint_columns(arm().model, "")
-    read = read_log(path, columns, (), lambda *_: columns, ReadingOptions(unit="deg"), [])
+    read = read_log(path, columns, (), lambda *_: columns, ReadingOptions(unit="deg"), Remarks())
     assert_allclose(read[1].resolution, np.radians(1e-3))
