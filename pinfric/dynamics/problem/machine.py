@@ -384,7 +384,8 @@ class Supplier:
         pin.rnea(self.model, self.data, q, v, self._zero)
         if self.copies:
             self._copy()
-        self._load(q, applied or ())
+        if applied or self.twin.springs is not None:
+            self._load(q, applied or ())
 
     def balance(
         self, q: np.ndarray, v: np.ndarray, a: np.ndarray, applied: Sequence[AppliedWrench] = ()
@@ -395,7 +396,8 @@ class Supplier:
             pin.updateGlobalPlacements(self.model, self.data)
         if self.copies:
             self._copy()
-        self._load(q, applied)
+        if applied or self.twin.springs is not None:
+            self._load(q, applied)
 
     def move(self, q: np.ndarray, v: np.ndarray) -> None:
         """Compute poses and velocities only."""
@@ -409,9 +411,8 @@ class Supplier:
             moved = self.twin.displacements(springs.joint, q[None])
             R, p = self.supply.R[None, 1:], self.supply.p[None, 1:]
             acting += [(row, pull[0]) for row, pull in springs.wrenches(moved, p, R)]
-        if acting:
-            row, wrench = (np.array(part) for part in zip(*acting, strict=True))
-            self.relieve(row, np.repeat(_THERE, len(row), axis=0), wrench)
+        row, wrench = (np.array(part) for part in zip(*acting, strict=True))
+        self.relieve(row, np.repeat(_THERE, len(row), axis=0), wrench)
 
     def relieve(self, row: np.ndarray, action: np.ndarray, wrench: np.ndarray) -> bool:
         """Let wrenches on links, at the last state, relieve the joints; see the kernel."""
