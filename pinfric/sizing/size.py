@@ -241,8 +241,8 @@ class SizingReport(Shown):
         duty: the samples of each cycle of the period, and the number of its runs.
         passes: over all joints until no choice changed. settled: no choice changed in the last.
         other_mass: where the scene does not say whether its links hold the drives: mass of the
-            drives that would be chosen if they do, kg; None: it says, the same are chosen, or the
-            links are too light for them.
+            drives that would be chosen if they do, kg; None: it says, or the links are too light
+            for them.
         contradiction: that links are said to hold drives that outweigh them; these were then added.
         assumptions: of the sizing, in sentences.
         unclosed: states that differ between end and start of the cycle; empty if it closes.
@@ -675,7 +675,7 @@ class _Sizing:
         other.stop_effort, other.stop_least = {}, {}
         held, _, _ = other._bearing_stops()
         self.robot.last = settled
-        return None if _names(held) == _names(taken) or other._contradiction(held) else _mass(held)
+        return None if other._contradiction(held) else _mass(held)
 
     def _stopped(self, report: SizingReport) -> tuple[StopResult | None, str]:
         """The stops with the chosen drives and brakes, or why there are none."""

@@ -240,7 +240,7 @@ class SizingSummary:
     )
     bus: BusPower = quantity("electrical power of all drives together")
     other_mass: float | None = quantity(
-        "mass of the drives if the links hold them; none: the scene says it, or no other result",
+        "mass of the drives if the links hold them; none: the scene says it, or they are too light",
         "kg",
     )
     ask: tuple[ToAsk, ...] = quantity(

@@ -28,6 +28,7 @@ from pinfric.drives.criterion import Criterion, Status, compare
 from pinfric.drives.held import doubted_masses, held_drives
 from pinfric.drives.limits import SHOCK
 from pinfric.drives.policy import SURROUNDINGS, outside
+from pinfric.drives.robot import carried
 from pinfric.model.brief import counted
 from pinfric.model.described import derived, described, quantity
 from pinfric.model.legs import hanging_legs
@@ -170,18 +171,25 @@ def verdict_of(report: SizingReport) -> Verdict:
     lines += [*_failing("bus", report.bus.criteria), *whole]
     lines += [report.no_stops] if report.no_stops else []
     # What it leaves open
-    question, holds = "", report.given.masses_hold
-    if report.other_mass is not None:
+    question, same, holds = "", "", report.given.masses_hold
+    unsaid = [i for i in masses if holds[i] is None and carried(report.given, i)]
+    if report.other_mass not in (None, report.drive_mass):
         open_ = [j.name for j, hold in zip(report.joints, holds, strict=True) if hold is None]
         whose = f" of {', '.join(open_)}" if len(open_) < len(holds) else ""
         question = (
             f"{report.drive_mass:.2f} kg if the links are bare, {report.other_mass:.2f} kg if they "
             f"hold the drives{whose}: write `robot.masses`"
         )
+    elif unsaid:
+        same = "robot.masses is not written: " + (
+            "the links are too light to hold the drives, which are added to them"
+            if report.other_mass is None
+            else "the same drives are chosen if the links hold them"
+        )
     if any(c.name == _OPEN_STOP and c.fails for own in report.criteria for c in own):
         open_stop = f"of a rating alone stops are not demanded: {_DEMAND_STOPS}"
         question = "; ".join(text for text in (question, open_stop) if text)
-    remarks = (legs, "" if beyond else heavy, weighs if possible else "")
+    remarks = (legs, same, "" if beyond else heavy, weighs if possible else "")
     return Verdict(judged, tuple(lines), question, tuple(text for text in remarks if text))
 
 

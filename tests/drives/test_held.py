@@ -79,6 +79,8 @@ def test_links_that_are_too_light_are_refused_and_the_safe_side_is_shown(
     own = 9.81 * mass * LENGTH * (0.5 + 1.5 + 2.5)
     assert report.joints[0].demand.peak == pytest.approx(own + 9.81 * added * LENGTH * (1 + 2))
     assert (verdict.question, verdict.signed) == ("", not failing)
+    said = "the same drives are chosen" if mass == 2.0 else "are too light to hold the drives"
+    assert any(said in text for text in verdict.remarks) == (masses is None)
     assert [failing in line for line in verdict.failing] == [True] * bool(failing)
     if not failing:
         assert verdict.fitted == 3

@@ -230,8 +230,8 @@ def test_the_first_screen_says_what_the_robot_is_rated_for(tmp_path):
     report = sized("arm", tmp_path, catalog=None)
     said = (
         "rated for 2.00 kg, 0.100 m beyond tool, up to 1.20 m from the second joint: held in the "
-        "worst posture of each joint, at most 49.2 N m (lift), and lifted from there by it alone, "
-        "in 1.50 s to top speed, at most 90\N{DEGREE SIGN}"
+        "worst posture of each joint, at most 49.2 N m (lift) without the masses of chosen drives, "
+        "and lifted from there by it alone, in 1.50 s to top speed, at most 90\N{DEGREE SIGN}"
     )
     assert rating_lines(sizing_summary(report)) == [said]
     assert said in sizing_page(report)

@@ -139,9 +139,9 @@ def rating_lines(found: SizingSummary) -> list[str]:
     lines = [
         f"rated for {digits(rating.payload)} kg, {digits(rating.payload_offset)} m beyond "
         f"{rating.link}, up to {digits(rating.reach)} m from the second joint: held in the worst "
-        f"posture of each joint, at most {digits(most.held)} {most.unit} ({most.name}), and lifted "
-        f"from there by it alone, in {digits(rating.acceleration_time)} s to top speed, at most "
-        f"90\N{DEGREE SIGN}{beside}"
+        f"posture of each joint, at most {digits(most.held)} {most.unit} ({most.name}) without the "
+        f"masses of chosen drives, and lifted from there by it alone, in "
+        f"{digits(rating.acceleration_time)} s to top speed, at most 90\N{DEGREE SIGN}{beside}"
     ]
     swings = {joint.name: joint.frequency for joint in rating.joints if joint.frequency}
     if swings:
