@@ -207,9 +207,9 @@ class AmbiguousAcceleration(AccelerationError):  # noqa: N818 - a finding about 
 
 
 class UndecidedAcceleration(AccelerationError):  # noqa: N818 - a finding about the search
-    """The search for stick and slip reached its limit before it found an acceleration."""
+    """The search for stick and slip ended before it found an acceleration, or ruled out others."""
 
-    _finding = "no acceleration was found within the search's bound"
+    _finding = "the search for the acceleration ended undecided"
 
 
 class GearJam(AccelerationError):  # noqa: N818 - a finding about the mechanism

@@ -112,6 +112,8 @@ class Failures:
         finding: type[AccelerationError] = NoConsistentAcceleration
         (many, stable), tried = self._count.many, self._count.tried
         counted = f"{many} in {tried} mode{'s' * (tried != 1)} tried{modes}"
+        if many and found == Found.UNDECIDED:
+            counted += ", others are not ruled out"
         reason = f"{counted}; neither sticking nor slipping either way is consistent"
         if contraction >= 1.0:
             reason = (
@@ -131,18 +133,19 @@ class Failures:
                 )
         elif found == Found.NOT_CONVERGED:
             reason = f"the coupled solve does not reach its tolerance (contraction {contraction})"
-        elif found == Found.UNDECIDED and self._count.unsure:
-            finding = UndecidedAcceleration
-            reason = (
-                f"{counted}; self-locking gears in motion allow more choices of lines than are "
-                "tried; fewer of them, or curves of fewer points, would decide"
-            )
         elif found == Found.UNDECIDED:
             finding = UndecidedAcceleration
-            reason = (
-                f"{counted}; {self._untried()}, so there may be one; remove friction from joints "
-                "where it does not matter, or take method 'timestepping' of simulate, which goes on"
-            )
+            if self._count.unsure:
+                reason = (
+                    f"{counted}; self-locking gears in motion allow more choices of lines than are "
+                    "tried; fewer of them, or curves of fewer points, would decide"
+                )
+            elif not (many and contraction >= 1.0):
+                reason = (
+                    f"{counted}; {self._untried()}, so there may be one; remove friction from "
+                    "joints where it does not matter, or take method 'timestepping' of simulate, "
+                    "which goes on"
+                )
         reason += names
         if jammed:
             reason += f"; joint {jammed.site!r}: {jammed.reason}"

@@ -27,6 +27,7 @@ from pinfric.errors import (
     RollMomentError,
     SceneError,
     StateError,
+    UndecidedAcceleration,
 )
 from pinfric.friction import search
 
@@ -242,6 +243,12 @@ def test_beyond_the_critical_radius_no_acceleration_is_consistent(b):
         pf.forward_dynamics(pinned_body(b), [0.4], [2.0], [0.0])
     assert (error.value.q, error.value.v, error.value.site) == ([0.4], [2.0], "pin")
     assert error.value.time is None
+
+
+def test_at_the_critical_radius_the_one_acceleration_found_may_not_be_the_only_one():
+    says = r"ended undecided.*'pin': 1 in 1 mode tried, others are not ruled out; .*contraction 1\)"
+    with pytest.raises(UndecidedAcceleration, match=says):
+        pf.forward_dynamics(pinned_body(1.0), [0.4], [2.0], [9.0])
 
 
 def test_beyond_it_a_torque_has_no_solution_or_two_from_a_threshold_on():
