@@ -18,6 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from pinfric.friction.dense import solve_dense
+from pinfric.friction.law import contact_force
 from pinfric.kernels.arrays import array
 from pinfric.kernels.compiled import kernel
 
@@ -83,12 +84,11 @@ def bound_slopes(
     lightest, heaviest = constant, constant
     for _ in range(_PASSES):
         lightest, heaviest = constant.copy(), constant.copy()
+        between = 0.5 * (low + high)
         for t in range(nt):
-            center[t], spread[t] = contact[t, 0], 0.0
+            length[t], spread[t] = contact_force(contact, t, between, center[t]), 0.0
             for j in range(columns - 1):
-                center[t] += contact[t, 1 + j] * (0.5 * (low[j] + high[j]))
                 spread[t] += size[t, 1 + j] * 0.5 * (high[j] - low[j])
-            length[t] = np.sqrt((center[t] ** 2).sum())
             lightest[owner[t]] += max(length[t] - spread[t], 0.0)
             heaviest[owner[t]] += length[t] + spread[t]
         low = np.maximum(low, limits.b_low + np.minimum(a_low * lightest, a_low * heaviest))
@@ -100,8 +100,8 @@ def bound_slopes(
         turn = 2 * np.sin(0.5 * np.arcsin(spread[t] / length[t])) if certain else 2.0
         for j in range(columns - 1):
             most, along = size[t, 1 + j], 0.0
-            if certain:
-                along = (center[t] * contact[t, 1 + j]).sum() / length[t]
+            for e in range(3 if certain else 0):
+                along += center[t, e] * contact[t, 1 + j, e] / length[t]
             least, greatest = max(along - turn * most, -most), min(along + turn * most, most)
             middle[owner[t], j] += 0.5 * (least + greatest)
             radius[owner[t], j] += 0.5 * (greatest - least)
