@@ -27,6 +27,8 @@ from pinfric.kernels.compiled import kernel
 MOST_COUPLED, MOST_PARTS = 6, 20_000
 #: Solutions closer than this, relative to their size, are one; a simplex so small is not cut.
 _DISTINCT, _SMALL = 1e-6, 1e-7
+#: Simplices that are examined together, those cut last first.
+_AT_ONCE = 64
 #: Starts of a wide search; what Newton's method must reach there (it stops at rounding).
 _STARTS, _RESIDUAL = 200, 1e-12
 #: Of the starts' frictions, by the size of contact forces times gains; drawn once.
@@ -128,84 +130,79 @@ class _Rays:
         self.P = np.concatenate([first[:, None], along], axis=1).transpose(0, 2, 1)
         self.select = np.eye(1 + nz)[1:] * self.scale[:, None]  # y of u
 
-    def values(self, u: np.ndarray) -> np.ndarray:
-        """Return f (nz, m) at points u (1 + nz, m)."""
-        sizes = np.linalg.norm(self.P @ u, axis=1)
-        return np.asarray(self.select @ u - self.owner @ sizes)
+    def forces(self, U: np.ndarray) -> np.ndarray:
+        """Return the contact forces (k, nt, 3, m) at points U (k, 1 + nz, m)."""
+        k, n, m = U.shape
+        return (self.P.reshape(-1, n) @ U).reshape(k, len(self.P), 3, m)
 
-    def slope(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """df/du (nz, 1 + nz) at u (1 + nz,), and the directions (nt, 3) of the forces."""
-        p = self.P @ u
-        size = np.linalg.norm(p, axis=1, keepdims=True)
+    def values(self, U: np.ndarray) -> np.ndarray:
+        """Return f (k, nz, m) at points U (k, 1 + nz, m)."""
+        sizes = np.linalg.norm(self.forces(U), axis=2)
+        return np.asarray(self.select @ U - self.owner @ sizes)
+
+    def slopes(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """df/du (k, nz, 1 + nz) at u (k, 1 + nz), and the directions (k, nt, 3) of the forces."""
+        p = self.forces(u[:, :, None])[..., 0]
+        size = np.linalg.norm(p, axis=2, keepdims=True)
         e = p / np.where(size > 0.0, size, 1.0)
-        return self.select - self.owner @ np.einsum("te,tej->tj", e, self.P), e
+        return self.select - self.owner @ np.einsum("kte,tej->ktj", e, self.P), e
 
     def search(self) -> tuple[list[np.ndarray], int, bool]:
         """All solutions z, the simplices looked at, and whether these were enough."""
-        n = len(self.scale)
         found: list[np.ndarray] = []
-        waiting, parts = [np.eye(1 + n)], 0
-        while waiting:
-            parts += 1
+        waiting, parts, complete = np.eye(1 + len(self.scale))[None], 0, True
+        while len(waiting) and complete:
+            V, waiting = waiting[-_AT_ONCE:], waiting[:-_AT_ONCE]  # corners are columns
+            parts += len(V)
             if parts > MOST_PARTS:
-                return [self._friction(u) for u in found], parts, False
-            V = waiting.pop()  # corners are columns
-            if self._is_empty(V):
-                continue
-            if self._is_single(V) or np.abs(V - V[:, :1]).max() < _SMALL:
-                if any(self._inside(V, u) for u in found):
-                    continue
-                u = self._newton(V.mean(axis=1))
+                return self._frictions(found), parts, False
+            V = V[~self._are_empty(V)]
+            small = np.abs(V - V[:, :, :1]).max(axis=(1, 2)) < _SMALL
+            cut = ~small
+            for k in np.flatnonzero(self._are_single(V) | small):
+                done = any(self._inside(V[k], u) for u in found)
+                u = None if done else self._newton(V[k].mean(axis=1))
                 if u is not None and u[0] > 0.0:
                     if all(np.abs(u - other).max() > _DISTINCT for other in found):
                         found.append(u)
-                    if self._inside(V, u):
-                        continue
-            if np.abs(V - V[:, :1]).max() < _SMALL:
-                if not any(np.abs(u - V[:, 0]).max() < 10.0 * _SMALL for u in found):
-                    return [self._friction(u) for u in found], parts, False
-                continue
-            waiting += _halves(V)
-        return [self._friction(u) for u in found], parts, True
+                    done = self._inside(V[k], u)
+                cut[k] &= not done
+                near = any(np.abs(u - V[k, :, 0]).max() < 10.0 * _SMALL for u in found)
+                complete &= done or near or not small[k]
+            waiting = np.concatenate([waiting, _halves(V[cut])])
+        return self._frictions(found), parts, complete
 
-    def _friction(self, u: np.ndarray) -> np.ndarray:
-        return np.asarray(self.offset + self.sign * (self.select @ u) / u[0])
+    def _frictions(self, found: list[np.ndarray]) -> list[np.ndarray]:
+        return [self.offset + self.sign * (self.select @ u) / u[0] for u in found]
 
-    def _is_empty(self, V: np.ndarray) -> bool:
-        """Whether bounds of f show that no solution is in the simplex."""
+    def _are_empty(self, V: np.ndarray) -> np.ndarray:
+        """(k,) bool: whether bounds of f show that no solution is in a simplex."""
         F = self.values(V)
-        J, _ = self.slope(V.mean(axis=1))
+        J, _ = self.slopes(V.mean(axis=2))
         over = J @ V
-        slack = _ROUNDING * (np.abs(self.select @ V) + np.abs(F)).max(axis=1)
-        if ((F.min(axis=1) > slack) | (over.max(axis=1) < -slack)).any():
-            return True
-        D = J @ (V[:, 1:] - V[:, :1])
-        try:
-            W = np.linalg.inv(D)
-        except np.linalg.LinAlgError:
-            return False
-        rounding = np.abs(W) @ slack
+        slack = _ROUNDING * (np.abs(self.select @ V) + np.abs(F)).max(axis=2)
+        empty = (F.min(axis=2) > slack) | (over.max(axis=2) < -slack)
+        W = _inverses(J @ (V[:, :, 1:] - V[:, :, :1]))
+        rounding = (np.abs(W) @ slack[:, :, None])[:, :, 0]
         low = np.maximum(W, 0.0) @ F + np.minimum(W, 0.0) @ over
         high = np.maximum(W, 0.0) @ over + np.minimum(W, 0.0) @ F
-        return bool(((low.min(axis=1) > rounding) | (high.max(axis=1) < -rounding)).any())
+        empty |= (low.min(axis=2) > rounding) | (high.max(axis=2) < -rounding)
+        return np.asarray(empty.any(axis=1))
 
-    def _is_single(self, V: np.ndarray) -> bool:
-        """Whether f is one to one in the simplex: forces keep their directions, nearly."""
-        J, e = self.slope(V.mean(axis=1))
-        p = self.P @ V
-        size = np.linalg.norm(p, axis=1)
-        along = np.einsum("te,tem->tm", e, p) / np.where(size > 0.0, size, np.inf)
-        least = along.min(axis=1)
-        if (least <= 0.0).any():
-            return False  # no cone
+    def _are_single(self, V: np.ndarray) -> np.ndarray:
+        """(k,) bool: whether f is one to one in a simplex: forces keep their directions, nearly."""
+        J, e = self.slopes(V.mean(axis=2))
+        p = self.forces(V)
+        size = np.linalg.norm(p, axis=2)
+        along = np.einsum("kte,ktem->ktm", e, p) / np.where(size > 0.0, size, np.inf)
+        least = along.min(axis=2)
         turn = np.sqrt(np.maximum(2.0 - 2.0 * least, 0.0))  # how far |e - e'| goes
-        D = V[:, 1:] - V[:, :1]
-        E = self.owner @ (turn[:, None] * np.linalg.norm(self.P @ D, axis=1))
-        try:
-            W = np.abs(np.linalg.inv(J @ D))
-        except np.linalg.LinAlgError:
-            return False
-        return bool(np.abs(np.linalg.eigvals(W @ E)).max() < 0.99)
+        D = V[:, :, 1:] - V[:, :, :1]
+        E = self.owner @ (turn[:, :, None] * np.linalg.norm(self.forces(D), axis=2))
+        A = np.abs(_inverses(J @ D)) @ E
+        single = (least > 0.0).all(axis=1) & np.isfinite(A).all(axis=(1, 2))  # a cone
+        single[single] = np.abs(np.linalg.eigvals(A[single])).max(axis=1) < 0.99
+        return np.asarray(single)
 
     def _inside(self, V: np.ndarray, u: np.ndarray) -> bool:
         """Whether a point is in the simplex."""
@@ -221,10 +218,10 @@ class _Rays:
         where loads grow exactly as the friction that they cause.
         """
         for _ in range(_PASSES):
-            f = self.values(u[:, None])[:, 0]
+            f = self.values(u[None, :, None])[0, :, 0]
             left = _FOUND * (8 + len(f)) * np.abs(self.select @ u).max()
             try:
-                inverse = np.linalg.inv(np.vstack([self.slope(u)[0], np.ones(len(u))]))
+                inverse = np.linalg.inv(np.vstack([self.slopes(u[None])[0][0], np.ones(len(u))]))
             except np.linalg.LinAlgError:
                 return None
             if np.abs(f).max() <= left:
@@ -236,12 +233,25 @@ class _Rays:
         return None
 
 
-def _halves(V: np.ndarray) -> list[np.ndarray]:
-    """The two halves of a simplex, cut at the middle of its longest edge."""
-    gaps = np.linalg.norm(V[:, :, None] - V[:, None, :], axis=0)
-    i, j = np.unravel_index(int(np.argmax(gaps)), gaps.shape)
-    middle = 0.5 * (V[:, i] + V[:, j])
-    one, two = V.copy(), V.copy()
-    one[:, i] = middle
-    two[:, j] = middle
-    return [one, two]
+def _inverses(A: np.ndarray) -> np.ndarray:
+    """The inverses of matrices (k, n, n); not a number where there is none."""
+    try:
+        W = np.linalg.inv(A)
+        W[~np.isfinite(W).all(axis=(1, 2))] = np.nan
+        return W
+    except np.linalg.LinAlgError:
+        if len(A) == 1:
+            return np.full_like(A, np.nan)
+        middle = len(A) // 2
+        return np.concatenate([_inverses(A[:middle]), _inverses(A[middle:])])
+
+
+def _halves(V: np.ndarray) -> np.ndarray:
+    """The two halves of each simplex (k, n, n), cut at the middle of its longest edge."""
+    k, n, _ = V.shape
+    gaps = np.linalg.norm(V[:, :, :, None] - V[:, :, None, :], axis=1)
+    i, j = np.unravel_index(gaps.reshape(k, n * n).argmax(axis=1), (n, n))
+    each, halves = np.arange(k), np.concatenate([V, V])
+    middle = 0.5 * (V[each, :, i] + V[each, :, j])
+    halves[each, :, i] = halves[k + each, :, j] = middle
+    return halves
