@@ -12,7 +12,7 @@ A search ends after `MOST_PASSES` passes of its solves; it is then `UNDECIDED`.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from itertools import combinations, product
 from typing import Any, NamedTuple
@@ -229,18 +229,22 @@ class _Query:
         self.count, self.found = count, list[Answer]()
         count.many, count.tried, count.unsure = (0, 0), 0, False
 
-    def settle(self) -> tuple[int, int]:
-        """Solve the modes as they are, on every line that may fit where gears may have several.
-
-        `found` are then the answers. See `rest.solve_modes`.
-        """
+    def answer(self) -> tuple[int, int]:
+        """Solve the modes as they are, all solutions of them if wanted; see `rest.solve_modes`."""
         self.found, m = [], self.modes
-        solutions, obeying = solve_modes(self.problem, m, self.mechanism)
+        found = solve_modes(self.problem, m, self.mechanism)
         moves = not m.stuck[self.problem.gear_coordinate].all()
         several = moves and m.figures[0] >= 1.0  # of those found some are off their lines
-        if not m.effort.size or (solutions >= 0 and not several and is_certain(self.problem, m)):
-            return solutions, obeying
-        every, solved = choices(self.problem, m), list[Answer]()
+        if m.effort.size and (found[0] < 0 or several or not is_certain(self.problem, m)):
+            found = self._on_every_line()
+        shared = np.isnan(m.figures[0])
+        self.left -= max(3 * self.mechanism.closed, int(m.figures[1]) if shared else 1)
+        return self._all(found) if self.every and m.figures[0] >= 1.0 else found
+
+    def _on_every_line(self) -> tuple[int, int]:
+        """Solve the modes on every line of gears that may fit; `found` are then the answers."""
+        m, solved = self.modes, list[Answer]()
+        every = choices(self.problem, m)
         self.count.unsure |= every is None
         for efforts, stable in every or ():
             m.effort[:] = efforts
@@ -258,15 +262,6 @@ class _Query:
         """Make an answer the present one."""
         self.modes.take(answer.modes)
         solve_modes(self.problem, self.modes, self.mechanism, chosen=True)
-
-    def answer(self) -> tuple[int, int]:
-        """Solve the modes as they are, all solutions of them if wanted; see `rest.solve_modes`."""
-        found = self.settle()
-        shared = np.isnan(self.modes.figures[0])
-        self.left -= max(3 * self.mechanism.closed, int(self.modes.figures[1]) if shared else 1)
-        if self.every and self.modes.figures[0] >= 1.0:
-            return self._all(found)
-        return found
 
     def end(self, solutions: int, obeying: int) -> Found:
         """Return how the search ends with the modes just solved; the answer is the present one."""
@@ -294,7 +289,7 @@ class _Query:
         return Found.AMBIGUOUS if len(answers) > 1 else Found.UNSTABLE
 
     def _all(self, found: tuple[int, int]) -> tuple[int, int]:
-        """Look for solutions that Newton's method has missed; see `solve`."""
+        """Look for solutions that Newton's method has missed; see `answer`."""
         modes, problem = self.modes, self.problem
         kept = modes.copy()
         lines, rows = lines_and_rows(problem, modes)
@@ -322,8 +317,9 @@ def search(
     forced: Mapping[int, float] | None = None,
     held: np.ndarray | None = None,
     count: Count | None = None,
+    follow: bool = False,
 ) -> Found:
-    """Find the modes of the coordinates at rest; those that move keep theirs.
+    """Find the modes of the coordinates at rest, island by island; those that move keep theirs.
 
     At a dead centre a joint has no velocity although the mechanism moves; it is not at rest.
 
@@ -332,21 +328,13 @@ def search(
         forced: coordinate -> direction it must slip in (it has just broken away).
         held: (nc,) bool, coordinates that were sticking until now, see the module's text.
         count: overwritten with what was counted.
+        follow: from the modes given, in a mechanism then from all stick, and only then all of them.
+
+    Returns:
+        The worst outcome of an island.
     """
-    return _each_island(_search, problem, modes, mechanism, count or Count(), forced, held)
-
-
-def _each_island(
-    solve: Callable[..., Found],
-    problem: Problem,
-    modes: Modes,
-    mechanism: Mechanism,
-    count: Count,
-    forced: Mapping[int, float] | None = None,
-    held: np.ndarray | None = None,
-) -> Found:
-    """Solve each island alone; the worst outcome is that of the whole."""
-    islands, forced = split(problem, modes, mechanism), forced or {}
+    islands, forced, count = split(problem, modes, mechanism), forced or {}, count or Count()
+    solve = _follow_or_search if follow else _search
     if not islands:
         count.island = np.arange(len(modes.stuck))
         return solve(problem, modes, mechanism, count, forced, held)
@@ -605,25 +593,17 @@ def outcome(solutions: int, obeying: int) -> Found:
     return (Found.NONE, Found.SOLVED, Found.AMBIGUOUS)[min(obeying, 2)]
 
 
-def given(problem: Problem, modes: Modes, mechanism: Mechanism, count: Count) -> Found:
+def solve_given(problem: Problem, modes: Modes, mechanism: Mechanism, count: Count) -> Found:
     """Solve the modes as they are; of several answers that gears leave the only stable one."""
     query, count.island = _Query(problem, modes, mechanism, count, every=False), count.island[:0]
     query.count.tried += 1
     return query.end(*query.answer())
 
 
-def follow(problem: Problem, modes: Modes, mechanism: Mechanism, count: Count) -> Found:
-    """Find consistent modes from those given; in a mechanism then from all stick; then try all.
-
-    Args, returns: see `search`.
-    """
-    return _each_island(_follow_or_try, problem, modes, mechanism, count)
-
-
-def _follow_or_try(
+def _follow_or_search(
     problem: Problem, modes: Modes, mechanism: Mechanism, count: Count, *search: Any
 ) -> Found:
-    """`follow` of one island."""
+    """`search` of one island, from the modes given on."""
     start = modes.copy()
     found = _follow(_Query(problem, modes, mechanism, count, every=False), set())
     if found != Found.SOLVED and mechanism.closed:

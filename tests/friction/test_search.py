@@ -119,7 +119,7 @@ def test_what_is_proved_to_be_the_only_answer_is(seed, strength, proved):
     assert (np.ptp(answers, axis=0).max() < 1e-9) == proved
     m = Modes.of(2, 2)
     m.at_rest[:] = m.stuck[:] = True
-    search.follow(p, m, a_tree(2), search.Count())
+    search.search(p, m, a_tree(2), follow=True)
     assert Ball(p, kinetic(p, m.at_rest), m, m.at_rest).sure == proved
 
 

@@ -126,7 +126,7 @@ def test_a_second_solution_far_from_the_first_makes_it_ambiguous(seed):
     assert search.search(p, m, a_tree(2)) == Found.AMBIGUOUS
     m = Modes.of(2, 2)  # a step of a motion goes on with the first that it finds
     m.direction[:] = direction
-    assert search.follow(p, m, a_tree(2), search.Count()) == Found.SOLVED
+    assert search.search(p, m, a_tree(2), follow=True) == Found.SOLVED
 
 
 @pytest.mark.parametrize("seed", [613, 644, 1039])
@@ -201,7 +201,7 @@ def test_a_step_that_lets_all_stick_goes_on_with_the_first_of_several_too(seed):
     m, count = Modes.of(3, 3), search.Count()
     m.direction[:], m.at_rest[2] = [*direction, 1.0], True
     loop = Mechanism(True, A, np.arange(3), none, none, np.zeros(3))
-    assert search.follow(p, m, loop, count) == Found.SOLVED
+    assert search.search(p, m, loop, count=count, follow=True) == Found.SOLVED
     assert m.stuck.tolist() == [False, False, True]
     assert m.friction[2] == pytest.approx(-0.1)
     every = find_all(two, np.zeros(2, bool), direction, NO_GEARS).solutions

@@ -41,8 +41,7 @@ from pinfric.friction.law import add_load_slopes, evaluate, stick_limits
 from pinfric.friction.minimax import least_violation
 from pinfric.friction.problem import Found, GivenModes, Modes, Problem
 from pinfric.friction.rest import Mechanism, solve_modes
-from pinfric.friction.search import Count, follow, search
-from pinfric.friction.search import given as given_modes
+from pinfric.friction.search import Count, search, solve_given
 from pinfric.kernels.compiled import KernelArgument, compile_for, compiling
 from pinfric.model.closure import guesses
 from pinfric.model.drives import slope_range
@@ -318,7 +317,7 @@ class Workspace:
             return
         found = self.count.single(solutions, obeying)
         if resting < 0 or self._geared:
-            found = given_modes(self.problem, self.modes, self.mechanism, self.count)
+            found = solve_given(self.problem, self.modes, self.mechanism, self.count)
             if found == Found.SOLVED:
                 self.finish()
         if found != Found.SOLVED:
@@ -419,7 +418,7 @@ class Workspace:
 
     def search_step(self) -> Found:
         """Search the modes at the end of a time step, from those in `modes`, else all of them."""
-        return follow(self.problem, self.modes, self.mechanism, self.count)
+        return search(self.problem, self.modes, self.mechanism, count=self.count, follow=True)
 
     @property
     def place_modes(self) -> np.ndarray:
