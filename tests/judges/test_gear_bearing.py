@@ -6,13 +6,19 @@ the drive's torque.
 
 from __future__ import annotations
 
+import json
+import re
+
 import numpy as np
 import pinocchio as pin
 import pytest
 from helpers.builders import chain, lump, random_states, random_tree
+from helpers.cli_cases import URDF, told
+from helpers.sizing_cases import write_catalog
 
 import pinfric as pf
 from pinfric.errors import SceneError
+from pinfric.exporting.export import FORMATS
 
 MU, COULOMB, RATIO, ROTOR = 0.12, 0.4, 50.0, 1e-4
 RIGHT = {"kind": "gear"}
@@ -122,3 +128,89 @@ TWICE = "friction.arm.bearing: the losses of this gear are also in its transmiss
 def test_what_cannot_be_is_refused_by_name(build, says):
     with pytest.raises(SceneError, match=says):
         build()
+
+
+#: In motion as in `THEIRS`, 0.3 at rest: it has fallen at once.
+DROPS = "{static: 0.3, kinetic: 0.1}, stribeck: {velocity: 1.0e-3, exponent: 2.0}"
+OURS = "friction: {shoulder: {bearing: {kind: gear}, mu: %s}}"
+THEIRS = f", efficiency: {1 / 1.1}, back_efficiency: 0.9"
+SCENES = {
+    "ours.yaml": (OURS % "{static: 0.1, kinetic: 0.1}", ""),
+    "theirs.yaml": ("", THEIRS),
+    "drops.yaml": (OURS % DROPS, ""),
+}
+WHOLE = """pinfric: 1
+robot: {urdf: arm.urdf, masses: without_drives}
+%s
+actuators: [{joint: shoulder, transmission: {ratio: 100, rotor_inertia: 5.0e-5%s}}]
+simulation:
+  start: {q: {shoulder: 0.3}}
+  motor_torque: {shoulder: {sine: {amplitude: 0.16, angular_frequency: 3.0}}}
+  t_end: 1.0
+"""
+BESIDE = {
+    "arm.urdf": URDF,
+    "way.yaml": """pinfric_trajectory: 1
+sample_rate: 200
+points: [{q: [0.0], hold: 0.3}, {q: [1.0], duration: 0.8, hold: 0.4}, {q: [-0.5], duration: 1.0}]
+""",
+    "motors.yaml": "pinfric_motors: 1\ndrives: {shoulder: {peak_torque: 0.3}}\n",
+    "sweep.yaml": """pinfric_sweep: 1
+samples: 8
+parameters:
+  speed: {uniform: {low: 0.8, high: 1.1}}
+""",
+}
+#: What is said of the joint in front of its friction: behind the gear there is less.
+AT_JOINT = re.compile(
+    r"/(friction_share|max_interval|peak|rms|rms_least|stick\w*|\w+_loss|residual|frames)\b"
+    r"|/sites|/stick_intervals|/evaluations"
+)
+HELD = 0.3 * M * 9.81 * R
+RESTS = {"joints/0/rest_lower": -HELD, "joints/0/rest_upper": HELD}
+
+
+def figures(said, path=""):
+    """Yield path and value of all numbers in JSON."""
+    if isinstance(said, dict | list):
+        for key, value in said.items() if isinstance(said, dict) else enumerate(said):
+            yield from figures(value, f"{path}/{key}")
+    elif isinstance(said, float):
+        yield path, said
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("command", "drops"),
+    [
+        ("inverse {} way.yaml", {"joints/0/motor_peak": None, "joints/0/max_interval": 2 * HELD}),
+        ("simulate {}", {"end/q/0": None}),
+        ("simulate {} --method timestepping", {"end/q/0": None}),
+        ("size {} way.yaml --catalog catalog.yaml", {"joints/0/installed/motor/rms": None}),
+        ("retime {} way.yaml --motors motors.yaml", {"duration": None}),
+        ("sweep {} way.yaml sweep.yaml", {"joints/0/motor_peak/percentiles/50": None}),
+        ("replay {} way.yaml", {"duration": None}),
+        *((f"export {{}} --to {to} --trajectory way.yaml", RESTS) for to in FORMATS),
+    ],
+)
+def test_every_command_says_of_it_what_it_says_of_these_efficiencies(
+    command, drops, tmp_path, monkeypatch, capsys
+):
+    """All figures at the motors; where friction drops, one each, and those at rest by hand."""
+    monkeypatch.chdir(tmp_path)
+    for name, text in (BESIDE | {x: WHOLE % parts for x, parts in SCENES.items()}).items():
+        (tmp_path / name).write_text(text)
+    write_catalog(tmp_path / "catalog.yaml")
+    said = {}
+    for scene in SCENES:
+        out = ["--html" if "replay" in command else "--out", f"{scene}_out"]
+        code = 2 * command.startswith("size")  # no brake is sold
+        text = told(capsys, *command.format(scene).split(), *out, "--json", code=code)[0]
+        said[scene] = {path[1:]: x for path, x in figures(json.loads(text)["result"])}
+    ours, theirs, fallen = said.values()
+    same = [path for path in theirs if not AT_JOINT.search(f"/{path}")]
+    assert len(same) >= 1
+    assert {x: ours[x] for x in same} == pytest.approx({x: theirs[x] for x in same}, rel=1e-6)
+    for path, value in drops.items():
+        expected = theirs[path] if value is None else value
+        assert fallen[path] == pytest.approx(expected, rel=1e-3), path
