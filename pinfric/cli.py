@@ -87,7 +87,7 @@ EffortAt = Annotated[
         callback=_effort_place,
     ),
 ]
-OneCycle = Annotated[str | None, argument("The cycle; for several use --cycle.", "[TRAJECTORY]")]
+OneCycle = Annotated[str | None, argument("The cycle; for several use --cycle.", "TRAJECTORY")]
 Cycles = Annotated[
     list[str] | None,
     option(
@@ -399,14 +399,14 @@ def _nested(given: dict[str, Any]) -> dict[str, Any]:
 
 @app.command(short_help="Make a catalogue for `size` from a table of parts.")
 def catalog(
-    table: Annotated[Path, argument("One motor or gear per row.", "TABLE.csv")],
+    table: Annotated[Path, argument("One part per row.", "TABLE.csv")],
     columns: Annotated[
         Path | None,
         option("Meaning and unit of the columns; default TABLE.columns.yaml.", "FILE"),
     ] = None,
     out: Annotated[Path | None, option("By default TABLE.yaml beside it.", "FILE", "--out")] = None,
 ) -> None:
-    """Make a catalogue for `size` from a table of motors, gears or gearmotors."""
+    """Make a catalogue for `size` from a table of motors, gears, gearmotors, bearings or brakes."""
     from pinfric.drives.catalog_file import load_catalog
     from pinfric.drives.table import import_table, mapping_of, write_catalog
     from pinfric.model.brief import counted
@@ -553,7 +553,7 @@ def sweep(
 def identify(
     *,
     scene_name: SceneName,
-    logs: Annotated[list[str], argument("Logs with measured efforts.", "LOG...")],
+    logs: Annotated[list[str], argument("Logs with measured efforts.", "LOG")],
     gain: Annotated[
         list[str] | None,
         option("Factor from a logged effort to N m.", "JOINT=FACTOR"),
@@ -628,7 +628,7 @@ def replay(
     scene_name: SceneName,
     motion_name: Annotated[
         str | None,
-        argument("By default the scene's own simulation.", "[TRAJECTORY | MOTION.npz]"),
+        argument("By default the scene's own simulation.", "TRAJECTORY | MOTION.npz"),
     ] = None,
     html: Annotated[
         Path | None,
@@ -797,7 +797,7 @@ def check(
 
 @app.command("warm-up", short_help="Compile a scene's kernels, so that no later run waits.")
 def warm_up(
-    scene_name: Annotated[str | None, argument("Scene file or bundled scene.", "[SCENE]")] = None,
+    scene_name: Annotated[str | None, argument("Scene file or bundled scene.", "SCENE")] = None,
     everything: Annotated[bool, option("What all commands need.", "", "--all")] = False,
 ) -> None:
     """Compile what the dynamics of a scene need, so that no later run waits for the compiler.
@@ -869,7 +869,7 @@ def explain(
     scene_name: SceneName,
     trajectory_name: Annotated[
         str | None,
-        argument("Log, CSV or way-points; else random states.", "[TRAJECTORY]"),
+        argument("Log, CSV or way-points; else random states.", "TRAJECTORY"),
     ] = None,
     as_json: AsJson = False,
     log: Any,

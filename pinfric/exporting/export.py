@@ -453,13 +453,9 @@ def _left_out(scene: Scene, to: str) -> tuple[str, ...]:
             for key, term in friction.named_terms.items()
             if term.directed
         ]
-    for drive in scene.drives:
-        gear = drive.transmission
-        lines += [
-            f"the {key} of the gear of {drive.name}: the joint is rigid there"
-            for key in ("stiffness", "hysteresis")
-            if gear is not None and getattr(gear, key) is not None
-        ]
+    for key in ("stiffness", "hysteresis"):
+        if soft := [d.name for d in scene.drives if getattr(d.transmission, key, None) is not None]:
+            lines.append(f"the {key} of the gear of {', '.join(soft)}: the joint is rigid there")
     for name, payload in scene.payloads.items():
         if not payload.attached and to in ("mjcf", "urdf", "sdf"):
             lines.append(

@@ -49,11 +49,6 @@ def load_scene(path: str | Path) -> Scene:
         raise SceneError(
             f"{file}: is a robot, not a scene; `pinfric new {file}` writes a scene of it"
         )
-    if file.suffix.lower() in (".csv", ".tsv", ".txt", ".parquet", ".mat", ".db3", ".mcap", ".npz"):
-        raise SceneError(
-            f"{file}: is a log or a table, not a scene (YAML, `pinfric: 1`); commands take SCENE "
-            "TRAJECTORY SWEEP in this order"
-        )
     entries: SceneFile = parse(SceneFile, read_yaml(file, SceneError, "pinfric"), str(file))
     try:
         of = entries.robot

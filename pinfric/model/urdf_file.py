@@ -85,9 +85,10 @@ def _parsed(urdf: Path) -> ElementTree.Element:
     try:
         return ElementTree.fromstring(content)
     except (ElementTree.ParseError, UnicodeDecodeError, ValueError, LookupError) as problem:
-        raise RobotError(
-            f"{urdf}: is not well-formed XML ({problem}); a URDF begins with <robot>"
-        ) from None
+        what = "is not well-formed XML"
+        if urdf.suffix.lower() in (".yaml", ".yml", ".json"):
+            what = "is YAML or JSON, no robot"
+        raise RobotError(f"{urdf}: {what} ({problem}); a URDF begins with <robot>") from None
 
 
 def _is_xacro(root: ElementTree.Element) -> bool:

@@ -32,6 +32,20 @@ _WRITTEN_BY = {
     "pinfric_motors": "`pinfric schema motors` has its keys",
     "pinfric_catalog": "`pinfric catalog` makes a catalogue of a table",
 }
+#: What is no YAML, by the ends of names.
+_OTHERS = {
+    "log or a table": (".csv", ".tsv", ".txt", ".parquet", ".mat", ".db3", ".mcap", ".npz"),
+    "page or a picture": (".html", ".pdf", ".png", ".svg"),
+    "program": (".cpp", ".hpp", ".py"),
+}
+#: What a command's `--out` writes for others, beside what it found.
+_BESIDE = {
+    "size": "sized.scene.yaml and, for --motors, motors.yaml",
+    "retime": "trajectory.csv, its motion,",
+    "inverse": "efforts.csv, the motion with its efforts,",
+    "simulate": "motion.npz, its motion,",
+    "identify": "scene.yaml and sweep.yaml",
+}
 NOT_UTF_8 = "is not a text file in UTF-8; save it in this encoding (not UTF-16 or that of Windows)"
 #: Letters of a value that a message repeats: enough to find it in the file.
 _SHOWN = 80
@@ -64,6 +78,12 @@ def read_yaml(
     """
     from ruamel.yaml.error import YAMLError
 
+    for what, ends in _OTHERS.items():
+        if kind and path.suffix.lower() in ends:
+            table = what == "log or a table" and kind in ("pinfric_catalog", "pinfric_motors")
+            made = f"`pinfric catalog {path}` makes a catalogue of a table"
+            said = f"{path}: is a {what}, not a {FORMATS[kind]} (YAML, `{kind}: 1`)"
+            raise error(f"{said}; {made if table else _order(kind)}")
     try:
         check(content := bounded(path, error))
         content = _load(content.decode("utf-8"))
@@ -89,20 +109,22 @@ def read_yaml(
         written = f"; {_WRITTEN_BY[kind]}" if kind in _WRITTEN_BY else ""
         raise error(f"{path}: the file is empty{written}")
     if not isinstance(content, dict):
-        found = f"{path}: should be a mapping of keys, found a {type(content).__name__}"
-        table = path.suffix.lower() == ".csv" and kind in ("pinfric_catalog", "pinfric_motors")
-        raise error(found + f"; `pinfric catalog {path}` makes a catalogue of a table" * table)
+        raise error(f"{path}: should be a mapping of keys, found a {type(content).__name__}")
     refuse_result(path, content, error)
     other = next((key for key in content if key in FORMATS), kind)
     if kind and kind not in content and other != kind:
-        order = "commands take SCENE TRAJECTORY SWEEP in this order"
-        options = (
-            "--motors takes a motors file (`pinfric size --out` writes motors.yaml), --catalog a "
-            "catalogue"
-        )
-        hint = order if {kind, other} <= set(list(FORMATS)[:3]) else options
-        raise error(f"{path}: is a {FORMATS[other]}, not a {FORMATS[kind]}; {hint}")
+        raise error(f"{path}: is a {FORMATS[other]}, not a {FORMATS[kind]}; {_order(kind, other)}")
     return content
+
+
+def _order(*kinds: str) -> str:
+    """Where files of some kinds are given."""
+    if set(kinds) <= set(list(FORMATS)[:3]):
+        return "commands take SCENE TRAJECTORY SWEEP in this order"
+    return (
+        "--motors takes a motors file (`pinfric size --out` writes motors.yaml), --catalog a "
+        "catalogue"
+    )
 
 
 def refuse_result(path: Path, content: Mapping[str, Any], error: type[PinfricError]) -> None:
@@ -111,10 +133,12 @@ def refuse_result(path: Path, content: Mapping[str, Any], error: type[PinfricErr
     Raises:
         PinfricError: `error`: it is one, and what to take instead.
     """
-    if "command" in content and "pinfric" in content:
+    command = str(content.get("command", "")) if "pinfric" in content else ""
+    if command := "export" if "pinfric_constants" in content else command:
+        beside = _BESIDE.get(command, "")
         raise error(
-            f"{path}: is what `pinfric {content['command']}` found, no file for other commands; "
-            "`pinfric size --out` writes sized.scene.yaml and, for --motors, motors.yaml beside it"
+            f"{path}: is what `pinfric {command}` found, no file for other commands"
+            + f"; `pinfric {command} --out` writes {beside} beside it" * bool(beside)
         )
 
 

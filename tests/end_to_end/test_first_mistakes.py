@@ -29,6 +29,10 @@ FILES = {
     "mm.yaml": SCENE.replace("{urdf", "{gravity: [0, 0, -9810], urdf"),
     "down.yaml": SCENE.replace("{urdf", "{gravity: 9.81, urdf"),
     "points.yaml": "pinfric_trajectory: 1\npoints: []\n",
+    "report.html": "<html>a: b: c</html>",
+    "retimed.json": '{"pinfric": "0.1", "command": "retime"}',
+    "swept.json": '{"pinfric": "0.1", "command": "sweep"}',
+    "arm.constants.json": '{"pinfric_constants": 1}',
 }
 PENDULUM = "pendulum.waypoints.yaml"
 SWEEP = "panda_pick_and_place.sweep.yaml"
@@ -67,6 +71,14 @@ size pendulum pendulum --catalog table.csv  `pinfric catalog table.csv` makes a 
 retime {UR10} {UR10} --motors default:EC  the nearest of
 identify {UR10} {UR10}  holds way-points; a log has samples and efforts
 new stops.csv  a URDF begins with <robot>
+new mm.yaml  is YAML or JSON, no robot (
+inverse report.html pendulum  is a page or a picture, not a scene (YAML, `pinfric: 1`); comm
+sweep pendulum pendulum stops.csv  is a log or a table, not a sweep (YAML, `pinfric_sweep: 1`)
+retime pendulum pendulum --motors report.html  not a motors file (YAML, `pinfric_motors: 1`);
+retime pendulum pendulum --motors table.csv  `pinfric catalog table.csv` makes a catalogue
+simulate retimed.json  `pinfric retime` found, no file for other commands; `pinfric retime --out` wr
+check swept.json  swept.json: is what `pinfric sweep` found, no file for other commands
+explain arm.constants.json  is what `pinfric export` found, no file for other commands
 catalog table.csv  it says which column of table.csv is which figure, and its unit
 """
 
