@@ -170,7 +170,7 @@ def inverse(
         elastic = elasticity(result) if scene.elastic else None
         reading = trajectory.reading
         judged = None if reading is None else judge_log(result, reading, effort_at)
-        found = inverse_summary(result, trajectory.source, judged, elastic)
+        summary = inverse_summary(result, trajectory.source, judged, elastic)
     files: Files = {
         "efforts.csv": lambda path: result.to_dataframe().to_csv(path, index=False),
         "efforts.png": lambda path: effort_figure(result, name, log=judged).savefig(path),
@@ -179,9 +179,9 @@ def inverse(
         files["measured.png"] = lambda path: measured_figure(result, judged, name).savefig(path)
     if elastic is not None and elastic.worst is not None:
         files["tool.png"] = lambda path: tool_figure(elastic, name).savefig(path)
-    report = partial(inverse_report, result, found, judged, telling["verbose"])
-    said = partial(verdict, result, found)
-    answer("inverse", found, report, as_json, out, files, verdict=said, scene=scene.source)
+    report = partial(inverse_report, result, summary, judged, telling["verbose"])
+    said = partial(verdict, result, summary)
+    answer("inverse", summary, report, as_json, out, files, verdict=said, scene=scene.source)
 
 
 @app.command()
@@ -209,16 +209,16 @@ def simulate(
     from pinfric.show.report.motion import motion_report
 
     numbers = {"rtol": rtol, "atol": None if rtol is None else 1e-2 * rtol, "dt": dt}
-    given: Any = {name: value for name, value in numbers.items() if value is not None}
-    motion = simulate(scene, t_end=t_end, method=method, **given)
-    found = motion_summary(motion)
+    settings: Any = {name: value for name, value in numbers.items() if value is not None}
+    motion = simulate(scene, t_end=t_end, method=method, **settings)
+    summary = motion_summary(motion)
     files: Files = {
         "motion.csv": lambda path: motion.to_dataframe().to_csv(path, index=False),
         "motion.npz": motion.save,
         "motion.png": lambda path: motion_figure(motion).savefig(path),
     }
-    report = partial(motion_report, motion, found)
-    answer("simulate", found, report, as_json, out, files, scene=scene.source)
+    report = partial(motion_report, motion, summary)
+    answer("simulate", summary, report, as_json, out, files, scene=scene.source)
     if motion.status == "interrupted":
         raise typer.Exit(INTERRUPTED)
 
@@ -249,17 +249,17 @@ def paper(
     if reading == "literal":
         with working("simulating both examples as printed"):
             literal = [reproduction.read_literally(example) for example in reproduction.EXAMPLES]
-        found: Any = reproduction.LiteralExamples(tuple(literal))
+        reproduced: Any = reproduction.LiteralExamples(tuple(literal))
         report, figures = literal_report(literal), {}
     else:
         with working("simulating both examples, twice"):
             examples = [reproduction.reproduce(example) for example in reproduction.EXAMPLES]
             loop = reproduction.closed_loop_difference()
-        found = reproduction.Examples(tuple(examples), loop)
+        reproduced = reproduction.Examples(tuple(examples), loop)
         report = paper_report(examples, loop)
         figures = paper_figures(*examples) if out is not None else {}
     files: Files = {name: figure.savefig for name, figure in figures.items()}
-    answer("paper", found, lambda: report, as_json, out, files)
+    answer("paper", reproduced, lambda: report, as_json, out, files)
 
 
 @app.command(short_help="Size the drives for a cycle that repeats, or for a rating.")
@@ -336,7 +336,7 @@ def size(
         report = size(scene, duty, catalog, rating=asked, conditions=conditions, on_miss="ignore")
     if report.catalog is not None:
         read.extend(report.catalog.files)
-    found = sizing_summary(report)
+    summary = sizing_summary(report)
     page = partial(sizing_page, report, shlex.join(["pinfric", *typed]), inputs())
     files: Files = {"report.html": lambda path: path.write_text(page(), encoding="utf-8")}
     if bill := bill_of_materials(report):
@@ -346,7 +346,7 @@ def size(
     show_it = partial(sizing_report, report, telling["verbose"], out is not None)
     answer(
         "size",
-        found,
+        summary,
         show_it,
         as_json,
         out,
@@ -366,35 +366,35 @@ def _cycles(
 
     Each with its share or count; beside a rating there may be none.
     """
-    given = [weighted(text) for text in cycle or ()]
+    weighed = [weighted(text) for text in cycle or ()]
     alone = [] if trajectory_name is None else [(trajectory_name, 1.0)]
-    if bool(given) == bool(alone) and (given or not rated):
+    if bool(weighed) == bool(alone) and (weighed or not rated):
         raise typer.BadParameter(
             "give one TRAJECTORY after SCENE, --cycle for each of several, or --rating payload=KG",
             param_hint="--cycle",
         )
-    found: dict[str, list[tuple[str, float]]] = {"": []}
-    for name, share in given or alone:
+    by_scene: dict[str, list[tuple[str, float]]] = {"": []}
+    for name, share in weighed or alone:
         scene, colon, file = name.partition(":")
         there = colon and scene.lower().endswith((".yaml", ".yml"))
-        found.setdefault(scene if there else "", []).append((file if there else name, share))
-    if len(found) > 1 and not found[""]:
+        by_scene.setdefault(scene if there else "", []).append((file if there else name, share))
+    if len(by_scene) > 1 and not by_scene[""]:
         raise typer.BadParameter(
             "all cycles name another scene; give one of SCENE itself, too", param_hint="--cycle"
         )
-    return found
+    return by_scene
 
 
 def _nested(given: dict[str, Any]) -> dict[str, Any]:
     """What an option gives as KEY.NAME=VALUE as mappings of names."""
-    found: dict[str, Any] = {}
+    nested: dict[str, Any] = {}
     for name, value in given.items():
         key, dot, inner = name.partition(".")
         if dot:
-            found.setdefault(key, {})[inner] = value
+            nested.setdefault(key, {})[inner] = value
         else:
-            found[key] = value
-    return found
+            nested[key] = value
+    return nested
 
 
 @app.command(short_help="Make a catalogue for `size` from a table of parts.")
@@ -416,11 +416,11 @@ def catalog(
     file = out or table.with_suffix(".yaml")
     note_input(table, columns or mapping_of(table))
     check_writable(file.parent, [file.name])
-    found = import_table(table, columns)
-    write_catalog(found.content, file, table.name)
+    imported = import_table(table, columns)
+    write_catalog(imported.content, file, table.name)
     load_catalog(file)  # questions units that are unlikely
-    show(imported_report(found))
-    ((section, entries),) = ((k, v) for k, v in found.content.items() if k != "pinfric_catalog")
+    show(imported_report(imported))
+    ((section, entries),) = ((k, v) for k, v in imported.content.items() if k != "pinfric_catalog")
     say(f"wrote {file}: {counted(len(entries), section.removesuffix('s'))}")
 
 
@@ -449,14 +449,14 @@ def stop(
 
     with progress("stops") as report:
         result = stop(scene, trajectory, category=category, progress=report)
-    found = stop_summary(result)
+    summary = stop_summary(result)
     files: Files = {
         "report.html": lambda path: path.write_text(stop_page(result), encoding="utf-8"),
         "stop.png": lambda path: stop_figure(result).savefig(path),
     }
-    tables = partial(stop_report, scene.source, found, telling["verbose"], out is not None)
-    said = partial(verdict, found)
-    answer("stop", found, tables, as_json, out, files, verdict=said, scene=scene.source)
+    tables = partial(stop_report, scene.source, summary, telling["verbose"], out is not None)
+    said = partial(verdict, summary)
+    answer("stop", summary, tables, as_json, out, files, verdict=said, scene=scene.source)
     result.check()  # what is not met is the last line, and the exit code (2)
 
 
@@ -492,14 +492,14 @@ def retime(
     with working("retiming"):
         result = retime(scene, path_name, motors, heat=heat, smooth=1e-3 * smooth)
     read.extend([result.problem.path.source, motors or ""])
-    found = retime_summary(result)
+    summary = retime_summary(result)
     files: Files = {
         "trajectory.csv": result.trajectory.to_csv,
         "retime.png": lambda path: retime_figure(result).savefig(path),
     }
-    report = partial(retime_report, result, found, telling["verbose"], out is not None)
-    said = partial(verdict, found)
-    answer("retime", found, report, as_json, out, files, verdict=said, scene=scene.source)
+    report = partial(retime_report, result, summary, telling["verbose"], out is not None)
+    said = partial(verdict, summary)
+    answer("retime", summary, report, as_json, out, files, verdict=said, scene=scene.source)
 
 
 @app.command()
@@ -539,13 +539,13 @@ def sweep(
     with progress("cycles") as report, on_cluster(cluster) if cluster else nullcontext():
         result = sweep(scene, trajectory, sweep_name, processes=processes, progress=report)
     read.append(result.sweep)
-    found = sweep_summary(result)
+    summary = sweep_summary(result)
     files: Files = {
         "samples.csv": lambda path: result.to_dataframe().to_csv(path, index=False),
         "sweep.png": lambda path: sweep_figure(result).savefig(path),
     }
-    tables = partial(sweep_report, result, found)
-    answer("sweep", found, tables, as_json, out, files, scene=result.scene)
+    tables = partial(sweep_report, result, summary)
+    answer("sweep", summary, tables, as_json, out, files, scene=result.scene)
 
 
 @app.command(short_help="Identify friction from a robot's own logs, with intervals.")
@@ -597,7 +597,7 @@ def identify(
     from pinfric.show.report.identify import identify_report, verdict
 
     with progress("steps") as report:
-        found = identify(
+        identified = identify(
             scene,
             logs,
             gain=pairs(gain, "--gain", number_of),
@@ -611,12 +611,14 @@ def identify(
             progress=report,
         )
     read.extend(logs)
-    summary = identify_summary(found)
+    summary = identify_summary(identified)
     files: Files = {
-        **(identified_files(found, out) if out is not None else {}),
-        "report.html": lambda path: path.write_text(identification_page(found), encoding="utf-8"),
+        **(identified_files(identified, out) if out is not None else {}),
+        "report.html": lambda path: path.write_text(
+            identification_page(identified), encoding="utf-8"
+        ),
     }
-    tables = partial(identify_report, found, summary, telling["verbose"], out is not None)
+    tables = partial(identify_report, identified, summary, telling["verbose"], out is not None)
     said = partial(verdict, summary)
     answer("identify", summary, tables, as_json, out, files, verdict=said, scene=scene.source)
 
@@ -716,10 +718,10 @@ def new(
 
     with working("reading the robot and its meshes"), warnings.catch_warnings():
         warnings.simplefilter("ignore", PinfricWarning)  # what they say is among the doubts
-        given = xacro_arguments(xacro_arg)
-        files = write_new(urdf, out, payload, link, drive=drive, mass=mass, xacro_args=given)
+        arguments = xacro_arguments(xacro_arg)
+        files = write_new(urdf, out, payload, link, drive=drive, mass=mass, xacro_args=arguments)
         scene = payload is not None or mass is not None
-        report = check(files[0]) if scene else check(urdf, given)
+        report = check(files[0]) if scene else check(urdf, arguments)
     show(doubts(report))
     for file in files:
         print_line(f"wrote {file}")
@@ -853,13 +855,13 @@ def accuracy(scene_name: SceneName, out: OutFolder = None, as_json: AsJson = Fal
     from pinfric.show.report.accuracy import accuracy_report
 
     with working("measuring, half a minute or more; minutes with closed loops"):
-        found = accuracy(scene)
+        measured = accuracy(scene)
     files: Files = {
-        "accuracy.png": lambda path: accuracy_figure(found).savefig(path),
-        "accuracy.csv": lambda path: found.summary().to_csv(path),
+        "accuracy.png": lambda path: accuracy_figure(measured).savefig(path),
+        "accuracy.csv": lambda path: measured.summary().to_csv(path),
     }
-    report = partial(accuracy_report, found)
-    answer("accuracy", found, report, as_json, out, files, scene=scene.source)
+    report = partial(accuracy_report, measured)
+    answer("accuracy", measured, report, as_json, out, files, scene=scene.source)
 
 
 @app.command(short_help="List the effects in a scene, with cost and change of each.")
@@ -880,9 +882,9 @@ def explain(
     from pinfric.show.report.explain import explain_report
 
     with working("measuring"):
-        found = explain(scene, trajectory)
-    report = partial(explain_report, found, scene.source)
-    answer("explain", found, report, as_json, scene=scene.source)
+        explanation = explain(scene, trajectory)
+    report = partial(explain_report, explanation, scene.source)
+    answer("explain", explanation, report, as_json, scene=scene.source)
 
 
 @app.command(short_help="Write the robot for other engines, or for C++ controllers.")
@@ -932,11 +934,11 @@ def export(
     file = out / names[0] if folder else out
     check_writable(file.parent, [file.name, *names[1:]])
     trajectory = None if trajectory_name is None else load_motion_of(scene, trajectory_name, log)
-    made = export(scene, trajectory, to, frames=frame or (), namespace=namespace)
-    made.write(out if to == "cpp" else file)
+    exported = export(scene, trajectory, to, frames=frame or (), namespace=namespace)
+    exported.write(out if to == "cpp" else file)
     say(f"wrote {' and '.join([str(file), *names[1:]])}")
-    made = replace(made, file=str(file))
-    answer("export", made, partial(export_report, made), as_json, scene=scene.source)
+    exported = replace(exported, file=str(file))
+    answer("export", exported, partial(export_report, exported), as_json, scene=scene.source)
 
 
 #: Command -> module and described classes of what its `--json` holds as its result.
@@ -959,11 +961,11 @@ _RESULTS = {
 
 def result_classes() -> dict[str, list[type]]:
     """Return the classes of `_RESULTS`."""
-    found = {}
+    classes = {}
     for command, words in _RESULTS.items():
         module, *names = words.split()
-        found[command] = [getattr(import_module(f"pinfric.{module}"), name) for name in names]
-    return found
+        classes[command] = [getattr(import_module(f"pinfric.{module}"), name) for name in names]
+    return classes
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

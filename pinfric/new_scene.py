@@ -157,10 +157,10 @@ def new_scene(
     mass = sum(inertia.mass for inertia in tuple(robot.model.inertias)[1:])  # 0 is the ground
     bodies = [frame.name for frame in robot.model.frames if frame.type == pin.FrameType.BODY]
     named = locator(urdf, folder) if not begun.masses else f"{begun.name}.masses.urdf"
-    made = [f"pinfric new {locator(urdf, folder)}"]
-    made += [f"--xacro-arg {name}:={value}" for name, value in robot.xacro_args.items()]
-    made += [f"--drive {begun.drive}"] * (begun.drive is not None)
-    made += [f"--mass {begun.mass:g}"] * bool(begun.masses)
+    commands = [f"pinfric new {locator(urdf, folder)}"]
+    commands += [f"--xacro-arg {name}:={value}" for name, value in robot.xacro_args.items()]
+    commands += [f"--drive {begun.drive}"] * (begun.drive is not None)
+    commands += [f"--mass {begun.mass:g}"] * bool(begun.masses)
     parts = [
         f"# A starting scene for {urdf.name} ({robot.model.njoints - 1} joints, {mass:.4g} kg that "
         "move), made by `pinfric new`.\n"
@@ -209,7 +209,7 @@ def new_scene(
     if values:
         parts += [
             "assumed:                       # delete the line of each guess that you replace",
-            f"  by: {yaml_line(' '.join(made))}",
+            f"  by: {yaml_line(' '.join(commands))}",
             f"  date: '{datetime.date.today().isoformat()}'",
             f"  version: {yaml_line(__version__)}",
             f"  inputs: {{{yaml_line(urdf.name)}: {file_hash(urdf)}}}",
@@ -431,10 +431,10 @@ def _guesses(joint: JointLoad, drive: str | None) -> dict[str, tuple[str, str]]:
 
 def _dynamics_section(robot: Robot) -> list[str]:
     movable = set(list(robot.model.names)[1:])
-    given = [n for n, d in robot.dynamics.items() if n in movable and (d.friction or d.damping)]
-    if not given:
+    stated = [n for n, d in robot.dynamics.items() if n in movable and (d.friction or d.damping)]
+    if not stated:
         return []
-    shown = given[0] + (f" and {len(given) - 1} more" if len(given) > 1 else "")
+    shown = stated[0] + (f" and {len(stated) - 1} more" if len(stated) > 1 else "")
     return [
         f"  # The URDF's <dynamics> has friction or damping of {shown}; many are placeholders.",
         "  urdf_dynamics: ignore        # `use`: use them if this file gives no value",

@@ -90,8 +90,8 @@ def takes_logs(command: Callable[..., None]) -> Callable[..., None]:
     def with_options(**arguments: Any) -> None:
         from pinfric.motions.log.reading import ReadingOptions
 
-        given = {name: arguments.pop(name) for name in _LOG_OPTIONS}
-        command(**arguments, log=ReadingOptions(**given))
+        reading = {name: arguments.pop(name) for name in _LOG_OPTIONS}
+        command(**arguments, log=ReadingOptions(**reading))
 
     signature = inspect.signature(command, eval_str=True)
     own = [p for p in signature.parameters.values() if p.name != "log"]
@@ -170,19 +170,19 @@ def pairs(given: Sequence[str] | None, option: str, kind: Callable[[str], Any]) 
     """
     from pinfric.model.csv_text import number_of
 
-    found: dict[str, Any] = {}
+    values: dict[str, Any] = {}
     listed = [
         one for text in given or () for one in (text.split(",") if kind is number_of else [text])
     ]
     for text in listed:
         name, equals, value = text.strip().rpartition("=")
         try:
-            found[name] = kind(value)
+            values[name] = kind(value)
         except ValueError:
             equals = ""
         if not (equals and name):
             raise typer.BadParameter(f"{text!r}: should be NAME=VALUE", param_hint=option)
-    return found
+    return values
 
 
 def xacro_arguments(given: Sequence[str] | None) -> dict[str, str]:
@@ -191,13 +191,13 @@ def xacro_arguments(given: Sequence[str] | None) -> dict[str, str]:
     Raises:
         typer.BadParameter: no such pair.
     """
-    found = {}
+    values = {}
     for text in given or ():
         name, sign, value = text.strip().partition(":=")
         if not (sign and name):
             raise typer.BadParameter(f"{text!r}: should be NAME:=VALUE", param_hint="--xacro-arg")
-        found[name] = value
-    return found
+        values[name] = value
+    return values
 
 
 def weighted(text: str) -> tuple[str, float]:
@@ -288,8 +288,10 @@ def answer(
             del files["report.html"]
             say("report.html is left out: it needs jinja2: pip install 'pinfric[report]'")
         with working(f"writing {out}"):
-            made = {**files, name: as_text(summary)}
-            written = write_folder(out, made, [other for other in outdated if other not in made])
+            contents = {**files, name: as_text(summary)}
+            written = write_folder(
+                out, contents, [other for other in outdated if other not in contents]
+            )
         say(f"wrote {', '.join(map(str, written))}")
     if as_json:
         show(summary)

@@ -49,28 +49,28 @@ def estimated_masses(facts: RobotFacts, mass: float) -> tuple[dict[str, pin.Iner
     hulls = sum(extent.hull for extent in shaped.values())
     known = sum(any(link in shaped for link in facts.fixed_to(name)) for name in moved)
     if hulls and 2 * known >= len(moved) and THIN <= mass / hulls <= DENSE:
-        found = {}
+        inertias = {}
         for name, extent in shaped.items():
             part, squares = mass * extent.hull / hulls, extent.size**2
             moments = np.diag(part / 12 * (squares.sum() - squares))
-            found[name] = pin.Inertia(part, 0.5 * (extent.low + extent.high), moments)
-        return found, "the hulls of its links' shapes"
+            inertias[name] = pin.Inertia(part, 0.5 * (extent.low + extent.high), moments)
+        return inertias, "the hulls of its links' shapes"
     return _by_length(facts, mass), "the lengths of its links, lighter towards the tip"
 
 
 def _limbs(facts: RobotFacts, link: str) -> list[int]:
     """How many joints each branch that leaves a body has; refuses several limbs on one body."""
-    found: list[int] = []
+    counts: list[int] = []
     for joint in facts.document.joints:
         if joint.parent == link:
             beyond = _limbs(facts, joint.child)
-            found += beyond if joint.type == "fixed" else [1 + max(beyond, default=0)]
-    if sum(count >= _LIMB for count in found) > 1:
+            counts += beyond if joint.type == "fixed" else [1 + max(beyond, default=0)]
+    if sum(count >= _LIMB for count in counts) > 1:
         raise RobotError(
             f"{facts.urdf}: {link} carries several arms or legs, and the mass of such a robot is "
             "not estimated; give its links an <inertial>"
         )
-    return found
+    return counts
 
 
 def _by_length(facts: RobotFacts, mass: float) -> dict[str, pin.Inertia]:

@@ -94,7 +94,7 @@ def joint_loads(model: pin.Model, held_out: float | None) -> list[JointLoad]:
         if model.joints[j].nv == 1
     }
     remarks, own = limit_remarks(model, held_out)
-    found: list[JointLoad] = []
+    loads: list[JointLoad] = []
     turning: dict[int, JointLoad] = {}
     for j in range(1, model.njoints):
         kind, sliding = model.joints[j], bool(twin.kind[j - 1] == PRISMATIC)
@@ -131,10 +131,10 @@ def joint_loads(model: pin.Model, held_out: float | None) -> list[JointLoad]:
             least=min(load, rule[0]),
             why_least=why if load <= rule[0] else rule[1],
         )
-        found.append(joint)
+        loads.append(joint)
         if not sliding and joint.degrees == 1:
             turning[j] = joint
-    return found
+    return loads
 
 
 def held_out_level(mass: float, way: float, model: pin.Model) -> float:
@@ -250,12 +250,12 @@ def _limit(model: pin.Model, kind: Any) -> float:
 
 def _chain(model: pin.Model, joint: int) -> list[int]:
     """The joints before one, as far as each carries no other."""
-    carried, found = list(model.parents)[1:], list[int]()
+    carried, before = list(model.parents)[1:], list[int]()
     parent = int(model.parents[joint])
     while parent and carried.count(parent) == 1:
-        found.append(parent)
+        before.append(parent)
         parent = int(model.parents[parent])
-    return found
+    return before
 
 
 def _by_weight(

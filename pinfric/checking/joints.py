@@ -139,9 +139,9 @@ def _masses(joint: Any, facts: RobotFacts) -> Iterator[Finding]:
 
 def _friction(joint: Any) -> Iterator[Finding]:
     """Friction above what the drive can give: it would never move."""
-    given, limit = joint.dynamics, joint.limit
+    dynamics, limit = joint.dynamics, joint.limit
     effort = 0.0 if limit is None else limit.effort or 0.0
-    friction = 0.0 if given is None else float(given.friction or 0)
+    friction = 0.0 if dynamics is None else float(dynamics.friction or 0)
     if 0.0 < effort < friction:
         unit = "N" if joint.type == "prismatic" else "N m"
         yield warning(
@@ -163,9 +163,9 @@ def _efforts(robot: Robot, facts: RobotFacts) -> Iterator[Finding]:
         driven = load.degrees == 1 and load.leader is None
         place = f"joint {load.name}"
         if load.remark or (driven and load.limit == 0.0):
-            kind, found = ("effort limit" if load.remark else "no effort limit"), load.remark
+            kind, remark = ("effort limit" if load.remark else "no effort limit"), load.remark
             why = f"`pinfric new` sizes its bearing for {load.why}"
-            yield note(kind, place, found or kind, why, unit if found else "")
+            yield note(kind, place, remark or kind, why, unit if remark else "")
         elif 0.0 < load.limit < load.held:
             yield warning(
                 "weak limit",
@@ -188,14 +188,14 @@ def _efforts(robot: Robot, facts: RobotFacts) -> Iterator[Finding]:
 
 def _dynamics(robot: Robot) -> Iterator[Finding]:
     movable = set(robot.model.names)
-    given = {
+    stated = {
         name: d
         for name, d in robot.dynamics.items()
         if name in movable and (d.friction or d.damping)
     }
-    if given:
-        name, first = next(iter(given.items()))
-        more = f" and {len(given) - 1} more" if len(given) > 1 else ""
+    if stated:
+        name, first = next(iter(stated.items()))
+        more = f" and {len(stated) - 1} more" if len(stated) > 1 else ""
         yield note(
             "dynamics",
             "robot",

@@ -78,11 +78,11 @@ def link_extents(
         for shapes in (link.visuals, link.collisions):
             points, held, closed = [], 0.0, True
             for shape in shapes:
-                found = _shape(shape, urdf, folders, unread)
-                if found is None:
+                placed = _shape(shape, urdf, folders, unread)
+                if placed is None:
                     closed = False
                     continue
-                body, scale = found
+                body, scale = placed
                 origin = place_of(shape.origin)
                 with np.errstate(all="ignore"):
                     box, around = (

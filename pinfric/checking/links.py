@@ -53,9 +53,9 @@ def link_findings(facts: RobotFacts) -> Iterator[Finding]:
         if link.has_shapes and (finding := _shape(link, facts)):
             yield finding
         elif link.mass > 0 and (link.has_shapes or facts.reach > 0):
-            found = [_com(link), _large_inertia(link, unit), _small_inertia(link)]
-            found += [_density(link)] if link.has_shapes and not said else []
-            yield from (finding for finding in found if finding is not None)
+            findings = [_com(link), _large_inertia(link, unit), _small_inertia(link)]
+            findings += [_density(link)] if link.has_shapes and not said else []
+            yield from (finding for finding in findings if finding is not None)
 
 
 def _whole_robot(facts: RobotFacts) -> Iterator[Finding]:
@@ -88,17 +88,17 @@ def outweighing(masses: Mapping[str, float]) -> Iterator[Finding]:
         masses: of what moves, by what they are called (kg).
     """
     *others, (name, mass) = sorted(masses.items(), key=lambda item: item[1]) or [("", 0.0)]
-    rest = sum(other for _, other in others)
-    if sum(other > 0.0 for _, other in others) < _FEW - 1 or mass <= _OUTWEIGHS * rest:
+    others_mass = sum(other for _, other in others)
+    if sum(other > 0.0 for _, other in others) < _FEW - 1 or mass <= _OUTWEIGHS * others_mass:
         return
-    unit = likely_unit(MASSES, lambda size: size * mass < 0.1 * _OUTWEIGHS * rest)
+    unit = likely_unit(MASSES, lambda size: size * mass < 0.1 * _OUTWEIGHS * others_mass)
     yield warning(
         "one heavy link",
         name,
-        f"{mass:.4g} kg, all others that move together {rest:.3g} kg",
+        f"{mass:.4g} kg, all others that move together {others_mass:.3g} kg",
         "such a robot is rare",
         in_unit(unit, "kg", mass),
-        mass / (_OUTWEIGHS * rest),
+        mass / (_OUTWEIGHS * others_mass),
     )
 
 
@@ -223,7 +223,7 @@ def _extends(link: LinkFacts, farthest: float) -> str:
 
 def _density(link: LinkFacts) -> Finding | None:
     density = _box_density(link)
-    found = f"{link.mass:.3g} kg in a box of {1e6 * link.mass / density:.3g} cm^3"
+    density_text = f"{link.mass:.3g} kg in a box of {1e6 * link.mass / density:.3g} cm^3"
     if link.mass_share < _SHARE:
         return None
     if density > _DENSEST:
@@ -231,7 +231,7 @@ def _density(link: LinkFacts) -> Finding | None:
         return warning(
             "dense",
             f"link {link.name}",
-            found,
+            density_text,
             f"{density:.3g} kg/m^3 (tungsten: 19300, steel: 7850)",
             in_unit(unit, "kg", link.mass),
             density / _DENSEST,
@@ -240,7 +240,7 @@ def _density(link: LinkFacts) -> Finding | None:
         return warning(
             "light",
             f"link {link.name}",
-            found,
+            density_text,
             f"{density:.2g} kg/m^3 (water: 1000, air: 1.2)",
             excess=_LIGHTEST / density,
         )

@@ -97,8 +97,8 @@ def _urdf_findings(facts: RobotFacts, scene: Scene | None = None) -> Iterator[Fi
     if robot is not None and any(facts.masses.values()):
         yield from massless_findings(scene or Scene(robot.model))
     if robot is not None and (legs := hanging_legs(robot.model)):
-        found, _, how = legs.partition("; ")
-        yield warning("legs", "robot", found, how)
+        said, _, how = legs.partition("; ")
+        yield warning("legs", "robot", said, how)
     for text in facts.said:
         yield warning("reading", "robot", text, "")
     if facts.nameless:

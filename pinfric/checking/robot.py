@@ -177,12 +177,12 @@ class RobotFacts:
         below: dict[str, list[Any]] = {}
         for joint in self.document.joints:
             below.setdefault(joint.parent, []).append(joint)
-        found, ahead = list[Any](), list(self._roots)
+        links, ahead = list[Any](), list(self._roots)
         while ahead:
             joints = below.get(ahead.pop(), [])
-            found += joints
+            links += joints
             ahead += [joint.child for joint in joints]
-        return found
+        return links
 
     @cached_property
     def still(self) -> set[str]:
@@ -218,7 +218,7 @@ class RobotFacts:
         for name, (mass, inertia) in self.bodies.items():
             both = np.array([mass, np.trace(inertia)])
             whole[self._body(name)] = whole.get(self._body(name), np.zeros(2)) + both
-        found = []
+        facts = []
         # where a link without shapes surely ends: its length is not known, only the others'
         half = np.full(3, BEYOND * self.reach)
         for link in self.document.links:
@@ -229,7 +229,7 @@ class RobotFacts:
             shares = np.divide([mass, np.trace(inertia)], total, np.zeros(2), where=total > 0)
             at = link.inertial.origin
             shapes = self.shapes.get(link.name)
-            found.append(
+            facts.append(
                 LinkFacts(
                     link.name,
                     mass,
@@ -241,7 +241,7 @@ class RobotFacts:
                     *map(float, shares),
                 )
             )
-        return tuple(found)
+        return tuple(facts)
 
     def oversized(self, extent: Extent) -> bool:
         """Return whether shapes are so large beside the robot that they are in another unit."""

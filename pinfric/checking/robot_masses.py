@@ -124,14 +124,14 @@ def _one_density(facts: RobotFacts) -> Iterator[Finding]:
 
 
 def _equal_inertias(links: Sequence[LinkFacts]) -> Iterator[Finding]:
-    found: dict[float, list[LinkFacts]] = {}
+    by_moment: dict[float, list[LinkFacts]] = {}
     for link in links:
         moment = float(link.inertia[0, 0])
         if moment > 0 and np.abs(link.inertia - moment * np.eye(3)).max() <= _SAME * moment:
-            key = next((m for m in found if abs(m - moment) <= _SAME * m), moment)
-            found.setdefault(key, []).append(link)
+            key = next((m for m in by_moment if abs(m - moment) <= _SAME * m), moment)
+            by_moment.setdefault(key, []).append(link)
     mass = sum(link.mass for link in links)
-    for moment, alike in found.items():
+    for moment, alike in by_moment.items():
         if len(alike) >= _ISOTROPIC and sum(link.mass for link in alike) >= _HELD * mass > 0:
             yield warning(
                 "equal inertias",

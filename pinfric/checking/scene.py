@@ -55,13 +55,13 @@ def scene_findings(
         facts: its URDF, measured; None for a robot made in Python.
         said: what loading warned of.
     """
-    found: list[Finding] = []
+    findings: list[Finding] = []
     for site in scene.sites:
-        found += [*_bearing(site, facts), *_coefficients(site, scene)]
-    found += [*payload_findings(scene), *_held(scene), *_positions(scene, facts)]
-    found += [*_drives(scene), *_elastic_gears(scene)]
-    yield from found
-    places = {finding.place for finding in found}
+        findings += [*_bearing(site, facts), *_coefficients(site, scene)]
+    findings += [*payload_findings(scene), *_held(scene), *_positions(scene, facts)]
+    findings += [*_drives(scene), *_elastic_gears(scene)]
+    yield from findings
+    places = {finding.place for finding in findings}
     for text in said:
         if USUALLY in text:  # the schema's own questions: "FILE: KEY = VALUE: usually ..."
             place, _, rest = text.removeprefix(f"{scene.source}: ").partition(" = ")
@@ -186,13 +186,13 @@ def load_findings(scene: Scene) -> Iterator[Finding]:
 def massless_findings(scene: Scene) -> Iterator[Finding]:
     """Yield one finding on all joints that move no mass, with all payloads and rotors."""
     if names := massless_joints(scene, scene.payloads):
-        every = len(names) == scene.model.nv
-        place, found = (
+        whole = len(names) == scene.model.nv
+        place, text = (
             ("robot", "nothing that moves has a mass")
-            if every
+            if whole
             else (f"joint {', '.join(names)}", "moves no mass")
         )
-        yield warning("no mass", place, found, _NO_MASS)
+        yield warning("no mass", place, text, _NO_MASS)
 
 
 def payload_findings(scene: Scene) -> Iterator[Finding]:

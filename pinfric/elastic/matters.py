@@ -57,11 +57,11 @@ def elastic_effect(result: InverseResult) -> ElasticEffect | None:
     corrected = tuple(drive.name for drive in drives if drive.encoder == "joint")
     if result.t is None or len(result.t) < 3:
         return ElasticEffect(unloaded_frequency(scene), corrected=corrected)
-    found = elasticity(result)
-    tools = [rest.tool for rest in found.rests if rest.tool is not None]
+    motion_effects = elasticity(result)
+    tools = [rest.tool for rest in motion_effects.rests if rest.tool is not None]
     share, drive = _motor_share(result)
     return ElasticEffect(
-        frequency=float(found.frequency[found.slowest]),
+        frequency=float(motion_effects.frequency[motion_effects.slowest]),
         bandwidth=bandwidth(result.t, result.states.a),
         motor_share=share,
         drive=drive,

@@ -189,14 +189,14 @@ def elasticity(result: InverseResult) -> Elasticity:
         raise StateError(f"{scene.source}: no gear has a stiffness; give transmission.stiffness")
     if result.t is None:
         raise StateError("elasticity needs times: give `t` to inverse_dynamics")
-    notes, found = _notes(scene), _rest_samples(result)
-    ways = _approaches(result, found, notes)
+    notes, rest_samples = _notes(scene), _rest_samples(result)
+    ways = _approaches(result, rest_samples, notes)
     stiffest, softest = (
-        modes_of(result, [last for *_, last in found], torque) for torque in _torques(result)
+        modes_of(result, [last for *_, last in rest_samples], torque) for torque in _torques(result)
     )
     rests = tuple(
         _rest(result, span, ways[n], (softest[n], stiffest[n].frequency))
-        for n, span in enumerate(found)
+        for n, span in enumerate(rest_samples)
     )
     mass, closed = _masses(result, [0]), _rows(scene, result.states.q[:1])[1]
     if has_light(mass, closed):
@@ -234,17 +234,17 @@ def trajectory_frequencies(result: InverseResult) -> np.ndarray:
     scene = result.scene
     torque = _torques(result)[1]
     known = np.isfinite(torque).all(axis=1)
-    found = np.full(len(torque), np.nan)
+    hertz = np.full(len(torque), np.nan)
     if not known.any():
-        return found
+        return hertz
     every = known.all()  # a copy of everything takes as long as the mass matrices
     samples = np.arange(len(torque)) if every else np.flatnonzero(known)
     K, M = stiffness_at(scene, torque if every else torque[known]), _masses(result, samples)
     if scene.one_drive_each and len(scene.elastic) == scene.model.nv:
-        found[samples] = lowest_frequencies(M, K)
-        return found
-    found[samples] = _lowest(M, *_rows(scene, result.states.q[samples]), K)
-    return found
+        hertz[samples] = lowest_frequencies(M, K)
+        return hertz
+    hertz[samples] = _lowest(M, *_rows(scene, result.states.q[samples]), K)
+    return hertz
 
 
 def _lowest(
@@ -343,13 +343,13 @@ def _masses(result: InverseResult, samples: np.ndarray | list[int]) -> np.ndarra
         if inside.size:
             parts.append((inside, mass_matrices(twin, result.states.q[inside])))
     if len(parts) == 1:
-        found = parts[0][1]
+        masses = parts[0][1]
     else:
-        found = np.concatenate([M for _, M in parts])
+        masses = np.concatenate([M for _, M in parts])
         order = np.concatenate([inside for inside, _ in parts])
         if not np.array_equal(order, at):
-            found = found[np.searchsorted(order, at)]
-    return _with_armature(result.scene, found)
+            masses = masses[np.searchsorted(order, at)]
+    return _with_armature(result.scene, masses)
 
 
 def _with_armature(scene: Scene, mass: np.ndarray) -> np.ndarray:
@@ -390,12 +390,12 @@ def _rows(
 
 def _wind_ups(scene: Scene, torque: np.ndarray) -> np.ndarray:
     """(n, na) of torques (n, na); 0 of rigid drives."""
-    found = np.zeros(torque.shape)
+    angles = np.zeros(torque.shape)
     for d in scene.elastic:
         spring = scene.drives[d].spring
         assert spring is not None  # scene.elastic
-        found[:, d] = spring.wind_up(torque[:, d])
-    return found
+        angles[:, d] = spring.wind_up(torque[:, d])
+    return angles
 
 
 def _rest_samples(result: InverseResult) -> list[tuple[int, int, int]]:

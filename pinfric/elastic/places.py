@@ -56,10 +56,10 @@ def farthest(generators: np.ndarray) -> float:
 
 def corners(generators: np.ndarray) -> np.ndarray:
     """Return sum_j +-g_j of all signs, those with +g_1 (the others mirror them), (2^(k-1), d)."""
-    found = generators[:, :1].T if generators.shape[1] else np.zeros((1, len(generators)))
+    points = generators[:, :1].T if generators.shape[1] else np.zeros((1, len(generators)))
     for g in generators.T[1:]:
-        found = np.concatenate([found + g, found - g])
-    return np.asarray(found)
+        points = np.concatenate([points + g, points - g])
+    return np.asarray(points)
 
 
 def outline(generators: np.ndarray) -> np.ndarray:

@@ -94,7 +94,7 @@ def joint_constants(
     Raises:
         PinfricError: a joint with no drive or several: no torque says what its friction takes.
     """
-    scene, found = result.scene, []
+    scene, constants = result.scene, []
     along, anywhere = _Sampled.of(result), None
     for column in columns:
         drives = [d for d, x in enumerate(scene.drives) if x.velocity_index == column.index_v]
@@ -107,8 +107,8 @@ def joint_constants(
         if unmoved := not along.moving(drives[0]).any():
             anywhere = anywhere or _Sampled.of(inverse_dynamics(scene, *random_states(scene)))
             still = anywhere
-        found.append(_constants(still, d, column, terms, unmoved, along.at_rest(d)))
-    return tuple(found)
+        constants.append(_constants(still, d, column, terms, unmoved, along.at_rest(d)))
+    return tuple(constants)
 
 
 class _Sampled(NamedTuple):
@@ -132,11 +132,15 @@ class _Sampled(NamedTuple):
 
     def at_rest(self, d: int) -> dict[str, float]:
         """The torques at rest, less those without friction."""
-        rest = self.slow(d) & (self.result.actuator_acceleration[:, d] == 0.0)
+        resting = self.slow(d) & (self.result.actuator_acceleration[:, d] == 0.0)
         load = self.result.effort_frictionless[:, d]
         return {
-            "rest_lower": float((self.lower[:, d] - load)[rest].min()) if rest.any() else np.nan,
-            "rest_upper": float((self.upper[:, d] - load)[rest].max()) if rest.any() else np.nan,
+            "rest_lower": float((self.lower[:, d] - load)[resting].min())
+            if resting.any()
+            else np.nan,
+            "rest_upper": float((self.upper[:, d] - load)[resting].max())
+            if resting.any()
+            else np.nan,
         }
 
 

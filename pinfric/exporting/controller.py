@@ -58,11 +58,11 @@ def compensator(
     picked = np.linspace(0, len(result.status) - 1, _STATES).astype(int)
     q, v, a = (x[picked].copy() for x in (result.states.q, result.states.v, result.states.a))
     v[0] = 0.0
-    found = inverse_dynamics(replace(scene, measured=None), q, v, a)  # speeds are mentioned
+    at_states = inverse_dynamics(replace(scene, measured=None), q, v, a)  # speeds are mentioned
     friction = compensated_states(scene, q, v, a)
     joints = list(scene.model.joints)[1:]
     at = single_positions(q, [joint.nq for joint in joints if joint.nq])
-    rows = at, v, a, found.motor_torque_lower, found.motor_torque_upper, friction
+    rows = at, v, a, at_states.motor_torque_lower, at_states.motor_torque_upper, friction
     states = [EmbeddedState(*row) for row in zip(*rows, strict=True)]
     heading = _heading(scene, frames, unknown, name)
     return cpp_files(scene, frames, bounds, states, heading, name)

@@ -189,9 +189,9 @@ def default_frames(scene: Scene) -> tuple[str, ...]:
 def _frame(scene: Scene, name: str) -> pin.Frame:
     """The frame of that name; a link's before others."""
     model = scene.model
-    found = [frame for frame in model.frames if frame.name == name]
-    found.sort(key=lambda frame: frame.type != pin.FrameType.BODY)
-    if not found:
+    frames = [frame for frame in model.frames if frame.name == name]
+    frames.sort(key=lambda frame: frame.type != pin.FrameType.BODY)
+    if not frames:
         if model.existJointName(name):  # a model made in Python need not have frames
             joint = model.getJointId(name)
             return pin.Frame(name, joint, pin.SE3.Identity(), pin.FrameType.JOINT)
@@ -199,12 +199,12 @@ def _frame(scene: Scene, name: str) -> pin.Frame:
         raise PinfricError(
             f"{scene.source}: --frame: there is no link {name!r}; {choose_from(name, names)}"
         )
-    if found[0].parentJoint == 0:
+    if frames[0].parentJoint == 0:
         raise PinfricError(
             f"{scene.source}: --frame: {name!r} is fixed to the ground, so a force there "
             "loads no joint: give a link that moves"
         )
-    return found[0]
+    return frames[0]
 
 
 def _constants(scene: Scene, frames: Sequence[str], bounds: Bounds) -> list[str]:
@@ -273,7 +273,7 @@ def _numbers(name: str, values: object) -> list[str]:
 
 
 def _bodies(scene: Scene, turns: np.ndarray) -> list[tuple[str, str]]:
-    twin, model, found = scene.twin(), scene.loaded_model(), []
+    twin, model, rows = scene.twin(), scene.loaded_model(), []
     for row, name in enumerate(scene.joint_names):
         parent, turn = int(model.parents[row + 1]), turns[row + 1]
         placement, inertia = model.jointPlacements[row + 1], model.inertias[row + 1]
@@ -291,8 +291,8 @@ def _bodies(scene: Scene, turns: np.ndarray) -> list[tuple[str, str]]:
             turn @ inertia.lever,
             moments[np.triu_indices(3)],
         ]
-        found.append((name, _entry(fields)))
-    return found
+        rows.append((name, _entry(fields)))
+    return rows
 
 
 def _laws(scene: Scene) -> tuple[list[tuple[str, str]], ...]:

@@ -230,8 +230,8 @@ def export(
     if to == "mjcf":
         mobility = _mobility(scene, joints)
         notes += _soft(scene, result, joints, mobility)
-        found = zip(joints, mobility, strict=True)
-        creep = np.array([creep_velocity(joint.frictionloss, A) for joint, A in found])
+        pairs = zip(joints, mobility, strict=True)
+        creep = np.array([creep_velocity(joint.frictionloss, A) for joint, A in pairs])
     notes += shortfalls(to, joints, rotor_inertias(scene), creep)
     header = [
         f"{file_name(scene.source)} for {form.title}, written by pinfric.",
@@ -301,10 +301,10 @@ def _along(scene: Scene, trajectory: MotionLike | None) -> tuple[InverseResult, 
     """Inverse dynamics along a motion, or of random states, and what it is called."""
     if trajectory is None:
         q, v, a = random_states(scene)
-        found = inverse_dynamics(scene, q, v, a)
-        return found, f"{len(q)} random states inside the limits"
-    found = inverse_dynamics(scene, trajectory)
-    return found, str(getattr(trajectory, "source", "a simulated motion"))
+        result = inverse_dynamics(scene, q, v, a)
+        return result, f"{len(q)} random states inside the limits"
+    result = inverse_dynamics(scene, trajectory)
+    return result, str(getattr(trajectory, "source", "a simulated motion"))
 
 
 def _for_cpp(
@@ -330,8 +330,10 @@ def _for_cpp(
     files = compensator(scene, result, frames, unknown, called)
     beside = {f"{called}_test.cpp": files.test}
     samples = len(result.status)
-    made = files.header, beside, unknown
-    return Exported(scene.source, name, "cpp", samples, joints, (), (), *made, name=called)
+    compensator_files = files.header, beside, unknown
+    return Exported(
+        scene.source, name, "cpp", samples, joints, (), (), *compensator_files, name=called
+    )
 
 
 def _mjcf(
@@ -400,11 +402,11 @@ _WRITERS: dict[str, Callable[..., str]] = {
 def joint_line(joint: JointConstants, form: Format) -> str:
     """Return a joint's line in the file: constants, their error, torque range at rest."""
     unit, name = joint.unit, joint.joint
-    rest = ""
+    at_rest = ""
     if np.isfinite(joint.rest_lower):
-        rest = f"; standing still {joint.rest_lower:.3g} to {joint.rest_upper:.3g} {unit}"
+        at_rest = f"; standing still {joint.rest_lower:.3g} to {joint.rest_upper:.3g} {unit}"
     if not joint.moving:
-        return f"{name}: cannot move and has no constants{rest}"
+        return f"{name}: cannot move and has no constants{at_rest}"
     known = ""
     if joint.unmoved:
         name = f"{name} (never moves in this motion: constants of random states)"
@@ -428,7 +430,7 @@ def joint_line(joint: JointConstants, form: Format) -> str:
         f"{name}: {constants}; error rms {joint.error_rms:.5g}, peak {joint.error_peak:.5g} {unit} "
         f"(at {at}load {load:.3g} {unit}, {joint.worst_speed:.3g} "
         f"{unit_at(SPEED, unit)}) of a torque of rms {joint.torque_rms:.4g}, peak "
-        f"{joint.torque_peak:.4g} {unit}, {counted(joint.moving, 'moving sample')}{rest}{known}"
+        f"{joint.torque_peak:.4g} {unit}, {counted(joint.moving, 'moving sample')}{at_rest}{known}"
         f"{doubt}"
     )
 

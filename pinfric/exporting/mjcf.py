@@ -190,17 +190,19 @@ def _add_tendons(
     root: ElementTree.Element, elements: Mapping[int, ElementTree.Element], springs: Springs
 ) -> None:
     """Tension springs as tendons between sites, without force up to the free length if slack."""
-    found = [
+    tensions = [
         (line, ends, points)
         for line, ends, points in zip(springs.lines, springs.ends, springs.points, strict=True)
         if isinstance(line, TensionSpring) and not line.initial_tension
     ]
-    tendons = _add(root, "tendon") if found else root
-    for line, ends, points in found:
+    tendons = _add(root, "tendon") if tensions else root
+    for line, ends, points in tensions:
         length = _number(line.free_length)
-        rest = length if line.pushes else f"0 {length}"
+        spring_length = length if line.pushes else f"0 {length}"
         stiffness = _number(line.stiffness)
-        tendon = _add(tendons, "spatial", name=line.name, stiffness=stiffness, springlength=rest)
+        tendon = _add(
+            tendons, "spatial", name=line.name, stiffness=stiffness, springlength=spring_length
+        )
         for side, end, point in zip("ab", ends, points, strict=True):
             site = f"{line.name}_{side}"
             _add(elements[int(end)], "site", name=site, pos=numbers(point))

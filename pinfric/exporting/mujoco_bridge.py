@@ -90,10 +90,10 @@ class MujocoFriction:
             self._mujoco.mj_forward(self.model, data)
             self._mujoco.mj_rnePostConstraint(self.model, data)
             limits = [robot.first(data) for robot in self._robots]
-            for robot, found in zip(self._robots, limits, strict=True):
-                robot.write(np.where(robot.resting(data), _HELD, found))
-        for robot, found in zip(self._robots, limits, strict=True):
-            robot.write(found)
+            for robot, robot_limits in zip(self._robots, limits, strict=True):
+                robot.write(np.where(robot.resting(data), _HELD, robot_limits))
+        for robot, robot_limits in zip(self._robots, limits, strict=True):
+            robot.write(robot_limits)
 
     def step(self, data: Any) -> None:
         """Advance by one time step, then set the limits of the next: `mj_step` with friction.
@@ -451,15 +451,15 @@ def _mujoco() -> Any:
 
 def _joints(mujoco: Any, scene: Scene, model: Any, prefix: str) -> list[int]:
     """The model's joint of each of the scene's."""
-    found, kind = [], mujoco.mjtJoint
+    indices, kind = [], mujoco.mjtJoint
     for body in bodies(scene):
         name = prefix + body.joint.name
         j = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, name)
         if j < 0:
-            every = [model.joint(i).name for i in range(model.njnt)]
+            names = [model.joint(i).name for i in range(model.njnt)]
             raise PinfricError(
                 f"{scene.source}: the MuJoCo model has no joint {name!r}; "
-                f"{choose_from(name, every)}"
+                f"{choose_from(name, names)}"
             )
         wanted = kind.mjJNT_SLIDE if body.joint.unit == "m" else kind.mjJNT_HINGE
         if model.jnt_type[j] != wanted:
@@ -472,9 +472,9 @@ def _joints(mujoco: Any, scene: Scene, model: Any, prefix: str) -> list[int]:
                 f"{scene.source}: the axis of joint {name!r} is {model.jnt_axis[j].tolist()} in "
                 f"the MuJoCo model and {body.axis.tolist()} in the scene"
             )
-        found.append(j)
-    _check_nothing_between(scene, model, found)
-    return found
+        indices.append(j)
+    _check_nothing_between(scene, model, indices)
+    return indices
 
 
 def _check_nothing_between(scene: Scene, model: Any, found: list[int]) -> None:
@@ -634,7 +634,7 @@ def _check_same_robot(mujoco: Any, friction: _Robot, tree: Any) -> None:
                 full[joint.idx_q] = q[joint.idx_v]
         pin.rnea(pins, of, full, v, a)
         pin.updateGlobalPlacements(pins, of)
-        found = friction.wrench(data)
+        wrenches = friction.wrench(data)
         for row, body in enumerate(tree):
             here, above = friction.body[row], friction.body[body.parent]
             turn, place = data.xmat[here].reshape(3, 3), data.xpos[here]
@@ -663,7 +663,7 @@ def _check_same_robot(mujoco: Any, friction: _Robot, tree: Any) -> None:
                     )
         for row, body in reversed(list(enumerate(tree))):
             wanted = of.f[row + 1].vector
-            missed = np.abs(found[row] - wanted).max()
+            missed = np.abs(wrenches[row] - wanted).max()
             if missed > _SAME_WRENCH * max(np.abs(wanted).max(), 1.0):
                 raise PinfricError(
                     f"{scene.source}: masses beyond joint {body.joint.name!r} differ in the "

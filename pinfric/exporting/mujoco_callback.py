@@ -176,10 +176,10 @@ def _compiled(mujoco: Any, scenes: Sequence[Scene], constants: dict[str, float])
     with tempfile.TemporaryDirectory() as folder:
         for name, text in texts.items():
             (Path(folder) / name).write_text(text, encoding="utf-8")
-        made = Path(folder) / "callback.so"
+        library = Path(folder) / "callback.so"
         sources = [str(Path(folder) / name) for name in texts if name.endswith(".cpp")]
         paths = f"-I{home / 'include'}", *sources, f"{engine}", f"-Wl,-rpath,{home}"
-        command = [compiler, *_FLAGS, *paths, "-o", f"{made}"]
+        command = [compiler, *_FLAGS, *paths, "-o", f"{library}"]
         done = subprocess.run(command, capture_output=True, text=True, check=False)
         if done.returncode:
             said = [line for line in done.stderr.splitlines() if "error" in line] or [done.stderr]
@@ -187,4 +187,4 @@ def _compiled(mujoco: Any, scenes: Sequence[Scene], constants: dict[str, float])
                 f"mujoco_friction: {compiler} cannot compile the callback for MuJoCo "
                 f"{mujoco.__version__}: {said[0].strip()}"
             )
-        return ctypes.CDLL(str(made))
+        return ctypes.CDLL(str(library))

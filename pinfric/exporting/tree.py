@@ -110,10 +110,10 @@ def bodies(scene: Scene) -> tuple[Body, ...]:
     columns = {column.name: column for column in check_plain_tree(scene)}
     model, twin = scene.loaded_model(), scene.twin()
     followers = {f.column.name: f for f in find_followers(scene, tuple(columns.values()))}
-    every = [frame for frame in model.frames if frame.type == pin.FrameType.BODY]
-    found = []
+    frames = [frame for frame in model.frames if frame.type == pin.FrameType.BODY]
+    rows = []
     for row, name in enumerate(list(model.names)[1:]):
-        own = [frame for frame in every if frame.parentJoint == row + 1]
+        own = [frame for frame in frames if frame.parentJoint == row + 1]
         follower, leads = followers.get(name), columns.get(name)
         column = leads if follower is None else follower.column
         if column is None:
@@ -122,7 +122,7 @@ def bodies(scene: Scene) -> tuple[Body, ...]:
                 "Python: its limits are not known; load the robot from its URDF"
             )
         limit = np.inf if leads is None else float(model.effortLimit[column.index_v])
-        found.append(
+        rows.append(
             Body(
                 joint=column,
                 link=own[0].name if own else name,
@@ -136,4 +136,4 @@ def bodies(scene: Scene) -> tuple[Body, ...]:
                 follows=None if follower is None else follower.law,
             )
         )
-    return tuple(found)
+    return tuple(rows)

@@ -61,9 +61,12 @@ def urdf(
         if name in lines:
             root.insert(list(root).index(element), xml_comment(lines[name]))
         if name in constants:
-            found = constants[name]
+            constant = constants[name]
             ElementTree.SubElement(
-                element, "dynamics", damping=repr(found.damping), friction=repr(found.frictionloss)
+                element,
+                "dynamics",
+                damping=repr(constant.damping),
+                friction=repr(constant.frictionloss),
             )
     _add_rotors(root, joints, rotor_inertias(scene).tolist())
     for mesh in root.iter("mesh"):
@@ -86,7 +89,7 @@ def _add_rotors(
     Tags of one namespace have one prefix in the written file, whatever they had in the read one.
     """
     spaces = {tag[1:].partition("}")[0] for tag in (x.tag for x in root.iter()) if "}" in str(tag)}
-    space = next((found for found in sorted(spaces) if "drake" in found), _DRAKE)
+    space = next((uri for uri in sorted(spaces) if "drake" in uri), _DRAKE)
     ElementTree.register_namespace("drake", space)
     stated = {x.get("name"): up for up in root.findall("transmission") for x in up.findall("joint")}
     for joint, inertia in zip(joints, reflected, strict=True):

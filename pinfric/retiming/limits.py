@@ -175,7 +175,7 @@ def read_limits(scene: Scene, limits: LimitsLike) -> tuple[DriveLimits, ...]:
         chosen = load_catalog(catalog)
         wanted = parse_conditions(conditions, chosen.conditions)
         check_names(scene, wanted)
-    found = []
+    read = []
     for i, drive in enumerate(scene.drives):
         entry = given.get(drive.name, others)
         if entry is None:
@@ -185,8 +185,8 @@ def read_limits(scene: Scene, limits: LimitsLike) -> tuple[DriveLimits, ...]:
             )
         key = drive.name if drive.name in given or where == "limits" else None
         place = f"{where}.{key}" if key else f"{limits}: others"
-        found.append(_limits(scene, i, place, entry, chosen, wanted))
-    return tuple(found)
+        read.append(_limits(scene, i, place, entry, chosen, wanted))
+    return tuple(read)
 
 
 def limited_scene(scene: Scene, limits: Sequence[DriveLimits]) -> Scene:
@@ -237,25 +237,25 @@ def candidate_limits(candidate: Candidate, conditions: Conditions) -> DriveLimit
     }
     values = {limit.key: bound for limit, bound in bounds.items() if limit.key}
     if ratings.has_line:
-        one, none, volts = np.ones(1), np.zeros(1), conditions.bus_voltage
+        ones, none, volts = np.ones(1), np.zeros(1), conditions.bus_voltage
         hot = ratings.hottest(conditions)
-        values["stall_torque"] = torque * volts / float(ratings.voltage(one, none, hot)[0])
-        values["no_load_speed"] = speed * volts / float(ratings.voltage(none, one)[0])
+        values["stall_torque"] = torque * volts / float(ratings.voltage(ones, none, hot)[0])
+        values["no_load_speed"] = speed * volts / float(ratings.voltage(none, ones)[0])
     known: dict[str, Any] = {key: bound for key, bound in values.items() if math.isfinite(bound)}
     # the transmission's figures were validated in the entry
-    found = DriveLimits(**known, motor=candidate.name).model_copy(
+    limits = DriveLimits(**known, motor=candidate.name).model_copy(
         update={"transmission": candidate.transmission}
     )
-    found._rows = {limit.name: bound for limit, bound in bounds.items() if not limit.key}
-    found._drive = candidate, conditions
-    return found
+    limits._rows = {limit.name: bound for limit, bound in bounds.items() if not limit.key}
+    limits._drive = candidate, conditions
+    return limits
 
 
 def _limits(
     scene: Scene, i: int, where: str, entry: Any, catalog: Catalog | None, conditions: Conditions
 ) -> DriveLimits:
     """The limits of drive i, of which a message says where they are given."""
-    found, name = None, _name_of(entry)
+    limits, name = None, _name_of(entry)
     if isinstance(entry, dict):
         entry = {key: value for key, value in entry.items() if key != "drive"}
     if name is not None and catalog is not None:
@@ -263,25 +263,25 @@ def _limits(
             named = named_drive(scene, i, name.removeprefix("default:"), catalog, conditions)
         except CatalogError as problem:
             raise RetimeError(f"{where}: {problem}") from None
-        found = candidate_limits(named, conditions)
+        limits = candidate_limits(named, conditions)
     elif isinstance(entry, Candidate):
-        found = candidate_limits(entry, Conditions())
+        limits = candidate_limits(entry, Conditions())
     if not isinstance(entry, str | Candidate):
         own = parse(DriveLimits, entry, where, RetimeError)
         changed = {key: getattr(own, key) for key in own.model_fields_set}
-        found = own if found is None else found.model_copy(update=changed)
-    assert found is not None
-    _check_settled(where, found)
-    if math.isfinite(found.stall_torque) != math.isfinite(found.no_load_speed):
+        limits = own if limits is None else limits.model_copy(update=changed)
+    assert limits is not None
+    _check_settled(where, limits)
+    if math.isfinite(limits.stall_torque) != math.isfinite(limits.no_load_speed):
         raise RetimeError(
             f"{where}: the speed-torque line needs both stall_torque and no_load_speed"
         )
-    if not found.driven:
+    if not limits.driven:
         raise RetimeError(
             f"{where}: nothing limits its torque; give peak_torque, "
             "stall_torque with no_load_speed, or effort"
         )
-    return found
+    return limits
 
 
 def _name_of(entry: Any) -> str | None:

@@ -213,18 +213,21 @@ def load_path(path: str | File, scene: Scene) -> Path:
     file = find_file(path, (".csv", ".waypoints.yaml", ".yaml", ".yml"), TrajectoryError)
     if File(file).suffix.lower() not in (".yaml", ".yml"):
         return Path.from_trajectory(load_trajectory(path, scene))
-    given = read_waypoints(File(file))
+    waypoints = read_waypoints(File(file))
     columns = joint_columns(scene.model, str(file))
     defaults = {name: bool(payload.attached) for name, payload in scene.payloads.items()}
-    given, lines = solve_tool_points(given, scene, columns, str(file))
+    waypoints, lines = solve_tool_points(waypoints, scene, columns, str(file))
     if lines:
         raise TrajectoryError(
             f"{file}: points[{min(lines)}].tool.line: retiming joins points by splines of the "
             "joints: leave `line` out, and give `via` points along the line"
         )
-    points = way_points(given, columns, defaults, str(file))
-    via, holds = [point.via for point in given.points], [point.hold for point in given.points]
-    return Path.from_waypoints(points, via, holds, carried_on(given, defaults), str(file))
+    points = way_points(waypoints, columns, defaults, str(file))
+    via, holds = (
+        [point.via for point in waypoints.points],
+        [point.hold for point in waypoints.points],
+    )
+    return Path.from_waypoints(points, via, holds, carried_on(waypoints, defaults), str(file))
 
 
 def check_limits(path: Path, columns: Sequence[JointColumn]) -> None:
@@ -258,13 +261,13 @@ def check_limits(path: Path, columns: Sequence[JointColumn]) -> None:
 
 def _roots(rate: PPoly) -> list[np.ndarray]:
     """Where each joint's q' is 0, and does not stay so."""
-    found = []
+    roots = []
     for k in range(rate.c.shape[2]):
-        one = PPoly(rate.c[:, :, k], rate.x)
-        moves = len(one.c) > 1 and one.c.any()
-        places = one.roots(discontinuity=True, extrapolate=False) if moves else np.empty(0)
-        found.append(places[np.isfinite(places)])
-    return found
+        component = PPoly(rate.c[:, :, k], rate.x)
+        moves = len(component.c) > 1 and component.c.any()
+        places = component.roots(discontinuity=True, extrapolate=False) if moves else np.empty(0)
+        roots.append(places[np.isfinite(places)])
+    return roots
 
 
 def reversals(piece: PPoly) -> np.ndarray:

@@ -110,8 +110,8 @@ def _sine(k: np.ndarray, t: np.ndarray) -> np.ndarray:
     w = np.sqrt(np.abs(k))
     square = k * t**2
     with np.errstate(divide="ignore", invalid="ignore"):
-        found = np.where(k > 0.0, np.sinh(np.minimum(w * t, 700.0)), np.sin(w * t)) / w
-    return np.where(np.abs(square) < _SERIES, t * (1.0 + square / 6.0), found)
+        ratio = np.where(k > 0.0, np.sinh(np.minimum(w * t, 700.0)), np.sin(w * t)) / w
+    return np.where(np.abs(square) < _SERIES, t * (1.0 + square / 6.0), ratio)
 
 
 def _durations(step: np.ndarray, z_a: np.ndarray, z_b: np.ndarray, u: np.ndarray) -> np.ndarray:
@@ -121,9 +121,9 @@ def _durations(step: np.ndarray, z_a: np.ndarray, z_b: np.ndarray, u: np.ndarray
     y = w * ratio
     with np.errstate(divide="ignore", invalid="ignore"):
         hyperbolic = np.arctanh(np.minimum(y, 1.0 - 1e-16))
-        found = 2.0 * np.where(k > 0.0, hyperbolic, np.arctan(y)) / w
+        duration = 2.0 * np.where(k > 0.0, hyperbolic, np.arctan(y)) / w
     square = k * ratio**2
-    return np.where(np.abs(square) < _SERIES, 2.0 * ratio * (1.0 + square / 3.0), found)
+    return np.where(np.abs(square) < _SERIES, 2.0 * ratio * (1.0 + square / 3.0), duration)
 
 
 @dataclass(frozen=True)
@@ -204,6 +204,6 @@ def _smoothed(
 
 def columns_to_velocities(columns: tuple[JointColumn, ...], x: np.ndarray) -> np.ndarray:
     """Return (T, nv) in the model's order of velocities of one number per joint (T, nj)."""
-    found = np.zeros_like(x)
-    found[:, [column.index_v for column in columns]] = x
-    return found
+    velocities = np.zeros_like(x)
+    velocities[:, [column.index_v for column in columns]] = x
+    return velocities

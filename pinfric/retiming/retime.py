@@ -115,8 +115,8 @@ class RetimeResult(Shown):
 
     def held_back(self) -> list[tuple[str, str, float]]:
         """Return (drive, limit, part of the moving time), the greatest part first."""
-        found = [(d, k, share) for d, kinds in self.limiting.items() for k, share in kinds.items()]
-        return sorted(found, key=lambda entry: -entry[2])
+        shares = [(d, k, share) for d, kinds in self.limiting.items() for k, share in kinds.items()]
+        return sorted(shares, key=lambda entry: -entry[2])
 
     def limit_curve(self) -> np.ndarray:
         """Return (n,) the greatest (ds/dt)^2 with any acceleration within all limits.
@@ -124,10 +124,10 @@ class RetimeResult(Shown):
         At the start of each interval of `profile.grid`; none above 100 times the
         greatest of the profile is looked for.
         """
-        found = np.empty(len(self.profile.grid.step))
+        curve = np.empty(len(self.profile.grid.step))
         most = 100.0 * max(float(self.profile.x.max()), 1e-9)
-        limit_curve(box_scan(self.problem.scan()), most, found)
-        return found
+        limit_curve(box_scan(self.problem.scan()), most, curve)
+        return curve
 
 
 def retime(
@@ -200,15 +200,15 @@ def retime(
             f"{path.source}: attached: {path.attached.shape[1]} columns for "
             f"{len(scene.payloads)} payloads"
         )
-    given = read_limits(scene, limits)
-    scene = limited_scene(scene, given)
+    drive_limits = read_limits(scene, limits)
+    scene = limited_scene(scene, drive_limits)
     columns = joint_columns(scene.model, scene.source)
     check_limits(path, columns)
     policy = Policy(sample_rate, tolerance)
-    found = _Retiming(scene, path, columns, given, policy).run(points, heat, smooth)
-    for text in found.notes:
+    result = _Retiming(scene, path, columns, drive_limits, policy).run(points, heat, smooth)
+    for text in result.notes:
         warnings.warn(text, PinfricWarning, stacklevel=2)
-    return found
+    return result
 
 
 def _check_scene(scene: Scene) -> None:
@@ -259,10 +259,10 @@ class _Retiming:
     def run(self, points: int, heat: bool, smooth: float) -> RetimeResult:
         """Do what `retime` does; arguments see there."""
         self.check_stops()
-        found = self.fastest(points, heat, smooth)
+        result = self.fastest(points, heat, smooth)
         if smooth:
-            found = self.smoothed(found, points, heat)
-        return replace(found, notes=tuple(self.notes(found, heat)))
+            result = self.smoothed(result, points, heat)
+        return replace(result, notes=tuple(self.notes(result, heat)))
 
     def fastest(self, points: int, heat: bool, smooth: float) -> RetimeResult:
         """The fastest motion, judged as it is smoothed; arguments see `retime`."""
@@ -352,9 +352,9 @@ class _Retiming:
         for p, first, last in self.constant:
             constant |= (piece == p) & (first < middle) & (middle < last)
         share = np.ones(len(middle))
-        for found in self.tight:
+        for cut in self.tight:
             most = np.ones(len(middle))
-            for p, first, last, used in found:
+            for p, first, last, used in cut:
                 inside = (piece == p) & (first < grid.s[grid.end]) & (grid.s[grid.start] < last)
                 most[inside] = np.maximum(most[inside], used)
             share /= most
@@ -427,7 +427,7 @@ class _Retiming:
         At a stop that is left at once within a whole one: of the samples beside it the slower
         counts.
         """
-        grid, found, period = profile.grid, [], 1.0 / self.policy.sample_rate
+        grid, zones, period = profile.grid, [], 1.0 / self.policy.sample_rate
         for j in range(1, len(grid.step)):
             turning = np.flatnonzero(grid.direction[j] * grid.direction[j - 1] < 0.0).tolist()
             piece, stop = int(grid.piece[grid.start[j]]), bool(grid.stop[j])
@@ -442,10 +442,10 @@ class _Retiming:
                 if stop:
                     reach = 0.5 * abs(float(u)) * (2.0 * _ZONE * period) ** 2
                 reach = max(reach, 1e-6 * float(np.ptp(self.path.pieces[p].x[[0, -1]])))
-                found += [(d, p, s - reach, s + reach) for d in turning]
+                zones += [(d, p, s - reach, s + reach) for d in turning]
                 if not stop:
                     break
-        return found
+        return zones
 
     def _cut(
         self, problem: PathProblem, profile: Profile, samples: Samples, grids: list[np.ndarray]

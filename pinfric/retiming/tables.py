@@ -88,8 +88,8 @@ def natural_points(piece: PPoly, drives: np.ndarray) -> np.ndarray:
         drives: (na, nj) `rates_of`.
     """
     rates = np.unique(np.concatenate([np.eye(drives.shape[1]), drives]), axis=0)
-    found = [np.asarray(piece.x), reversals(PPoly(piece.c @ rates.T, piece.x))]
-    return distinct(np.concatenate(found), piece, piece.x)
+    places = [np.asarray(piece.x), reversals(PPoly(piece.c @ rates.T, piece.x))]
+    return distinct(np.concatenate(places), piece, piece.x)
 
 
 def distinct(s: np.ndarray, piece: PPoly, kept: np.ndarray) -> np.ndarray:
@@ -176,12 +176,12 @@ def make_tables(scene: Scene, path: Path, columns: tuple[JointColumn, ...], grid
             (at_rest, grid.rate[rows]),
         )
         reacting = nt > 0 or twin.springs is not None
-        found = [_wrenches_and_efforts(twin, q[rows], v, a, reacting) for v, a in states]
-        for k, (_, effort) in enumerate(found):
-            tables.effort[rows, :, k] = effort if k == 0 else effort - found[0][1]
+        batches = [_wrenches_and_efforts(twin, q[rows], v, a, reacting) for v, a in states]
+        for k, (_, effort) in enumerate(batches):
+            tables.effort[rows, :, k] = effort if k == 0 else effort - batches[0][1]
         if nt:
-            g = found[0][0]
-            wrenches = g, found[1][0] - g, found[2][0] - g
+            g = batches[0][0]
+            wrenches = g, batches[1][0] - g, batches[2][0] - g
             tables.gram[rows] = _gram(scene, twin, q[rows], wrenches)
     if (P := delivery(scene.drives, scene.model.nv)).size:
         tables.effort[:] = np.einsum("de,mek->mdk", P, tables.effort)

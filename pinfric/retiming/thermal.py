@@ -72,8 +72,8 @@ def within_continuous(
             return uniform, total
     x = barrier.minimize(fast.x * (factor * _ROOM) ** 2)
     u = np.diff(x) / (2.0 * barrier.step)
-    found = Profile.of(problem.grid, x, np.stack([u, u], axis=1))
-    return (found if found.duration.sum() <= total else uniform), total
+    profile = Profile.of(problem.grid, x, np.stack([u, u], axis=1))
+    return (profile if profile.duration.sum() <= total else uniform), total
 
 
 class _Barrier:
@@ -108,9 +108,9 @@ class _Barrier:
     def torques(self, x: np.ndarray) -> np.ndarray:
         """(n, 2, na) of the motors."""
         u = np.diff(x) / (2.0 * self.step)
-        found = np.empty((len(u), 2, len(self.cycle.limit)))
-        torques(self.scan, _ends(x), np.stack([u, u], axis=1), found)
-        return found
+        torque = np.empty((len(u), 2, len(self.cycle.limit)))
+        torques(self.scan, _ends(x), np.stack([u, u], axis=1), torque)
+        return torque
 
     def slack(self, x: np.ndarray) -> np.ndarray:
         """(judged,) c^2 (T + holds) - E, as a part of the first; E = int T^2 dt over the cycle."""
@@ -138,9 +138,9 @@ class _Barrier:
 
     def ranges(self, ends: np.ndarray) -> np.ndarray:
         """(n, 2 sides, 2): least and greatest u at both ends of each interval, by x (n, 2)."""
-        found = np.empty((2, *ends.shape))
-        ranges(self.scan, ends, *found)
-        return np.moveaxis(found, 0, 2)
+        between = np.empty((2, *ends.shape))
+        ranges(self.scan, ends, *between)
+        return np.moveaxis(between, 0, 2)
 
     def gaps(self, x: np.ndarray) -> np.ndarray:
         """(n, 2 sides, 2): u - low and high - u at both ends."""
@@ -183,12 +183,12 @@ class _Barrier:
         direction = direction - response @ np.linalg.solve(
             np.eye(columns.shape[1]) + columns.T @ response, columns.T @ direction
         )
-        now, slope = self.value(x, weight), float(gradient @ direction)
+        value, slope = self.value(x, weight), float(gradient @ direction)
         size = min(1.0, 0.99 / max(float((-direction[self.free] / x[self.free]).max()), 0.99))
         while size > 1e-10:
             there = self.value(x + size * direction, weight)
-            if there <= now + 0.1 * size * slope:
-                return x + size * direction, now - there
+            if there <= value + 0.1 * size * slope:
+                return x + size * direction, value - there
             size *= 0.5
         return x, 0.0
 

@@ -169,11 +169,11 @@ def cycle_figures(study: Study, sample: Sequence[float] | np.ndarray) -> SampleF
 
 def elastic_figures(result: InverseResult) -> tuple[float, ...]:
     """Return `ELASTIC_FIGURES` of one cycle."""
-    found = elasticity(result)
-    tools = [rest.tool for rest in found.rests if rest.tool is not None]
+    effects = elasticity(result)
+    tools = [rest.tool for rest in effects.rests if rest.tool is not None]
     reversal = [tool.reversal for tool in tools if tool.reversal is not None]
     return (
-        float(np.nanmin(found.frequency)) if np.isfinite(found.frequency).any() else np.nan,
+        float(np.nanmin(effects.frequency)) if np.isfinite(effects.frequency).any() else np.nan,
         max((tool.sag_distance for tool in tools), default=np.nan),
         max((tool.farthest for tool in tools), default=np.nan),
         max(reversal, default=np.nan),

@@ -61,9 +61,9 @@ class Parameter(Entry):
 
     @model_validator(mode="after")
     def _one_distribution(self) -> Parameter:
-        given = [kind for kind in _KINDS if getattr(self, kind) is not None]
-        if len(given) != 1:
-            raise ValueError(f"give one of {', '.join(_KINDS)}; found {', '.join(given) or 'none'}")
+        kinds = [kind for kind in _KINDS if getattr(self, kind) is not None]
+        if len(kinds) != 1:
+            raise ValueError(f"give one of {', '.join(_KINDS)}; found {', '.join(kinds) or 'none'}")
         return self
 
     @property
@@ -74,8 +74,8 @@ class Parameter(Entry):
     @property
     def distribution(self) -> Distribution:
         """The one that is given."""
-        found: Distribution = getattr(self, self.kind)
-        return found
+        distribution: Distribution = getattr(self, self.kind)
+        return distribution
 
 
 class MotorOnTrial(Entry):

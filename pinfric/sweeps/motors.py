@@ -69,9 +69,9 @@ class Trial:
         if drive.transmission != candidate.transmission:  # the sample's losses
             candidate = dataclasses.replace(candidate, transmission=drive.transmission)
         inertia = None if inertias is None else float(inertias[i])
-        found = criteria_over(result, i, candidate, self.conditions, holding, inertia)
-        codes = {c.name: _CODES.get(c.status, MET) for c in found}
-        return least_margin(found), [codes[name] for name in self.checks]
+        criteria = criteria_over(result, i, candidate, self.conditions, holding, inertia)
+        codes = {c.name: _CODES.get(c.status, MET) for c in criteria}
+        return least_margin(criteria), [codes[name] for name in self.checks]
 
 
 def motors_on_trial(scene: Scene, sweep: SweepFile, source: str) -> tuple[Scene, tuple[Trial, ...]]:
@@ -119,6 +119,6 @@ def _trial(scene: Scene, catalog: Catalog, conditions: Conditions, joint: str, n
     torques = [float(x) / scale for x in (judged.heat, number(candidate.ratings.peak_torque))]
     continuous, peak = (None if np.isnan(x) else x for x in torques)
     # what is required is found on a drive that does nothing
-    found = check(candidate, None, judged.case)
-    checks = tuple(c.name for c in found if c.status != Status.NOT_REQUIRED)
+    assessment = check(candidate, None, judged.case)
+    checks = tuple(c.name for c in assessment if c.status != Status.NOT_REQUIRED)
     return Trial(joint, actuator, candidate, conditions, continuous, peak, checks)

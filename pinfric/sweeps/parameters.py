@@ -212,16 +212,16 @@ def _matches(scene: Scene, section: str, key: str, pattern: str) -> tuple[str, .
         what = f"drive with {key} in this scene"
     else:
         there, what = list(scene.payloads), "payload"
-    found = tuple(n for n in there if n == pattern or fnmatch.fnmatchcase(n, pattern))
-    if not found:
+    names = tuple(n for n in there if n == pattern or fnmatch.fnmatchcase(n, pattern))
+    if not names:
         raise SweepError(
             f"there is no {what} that is called {pattern!r}; {choose_from(pattern, there)}"
         )
-    for name in found if key == "hysteresis" else ():
+    for name in names if key == "hysteresis" else ():
         _check_split(scene, name)
     for drive in scene.drives if section == "transmission" and key != "stiffness" else ():
         gear = drive.transmission
-        if drive.name not in found or gear is None:
+        if drive.name not in names or gear is None:
             continue
         if key in SET and isinstance(gear, OwnTransmission):
             raise SweepError(f"{drive.name} has losses of kind {gear.kind!r}; it has no {key}")
@@ -230,9 +230,9 @@ def _matches(scene: Scene, section: str, key: str, pattern: str) -> tuple[str, .
                 f"the efficiency of {drive.name} includes the no-load loss: "
                 "give it as a number, without the no-load loss"
             )
-    if section == "payload" and len(found) > 1:
-        raise SweepError(f"matches {len(found)} payloads; name one: {', '.join(found)}")
-    return found
+    if section == "payload" and len(names) > 1:
+        raise SweepError(f"matches {len(names)} payloads; name one: {', '.join(names)}")
+    return names
 
 
 def _check_split(scene: Scene, drive: str) -> None:
@@ -251,21 +251,21 @@ def _check_split(scene: Scene, drive: str) -> None:
 
 def _found(entry: Any, key: str) -> Any:
     """What stands at a key of an entry, `coulomb.positive` also; None where nothing does."""
-    for part in key.split("."):
-        entry = getattr(entry, part, None)
+    for field in key.split("."):
+        entry = getattr(entry, field, None)
     return entry
 
 
 def _scaled(entry: Any, key: str, factor: float) -> Any:
     """The entry with what stands at a key times a factor (a plain number: set to it)."""
     first, _, rest = key.partition(".")
-    given = getattr(entry, first)
+    value = getattr(entry, first)
     if rest:
-        changed = _scaled(given, rest, factor)
+        changed = _scaled(value, rest, factor)
     elif first in SET:
         changed = factor
     else:
-        changed = factor * given if isinstance(given, float) else given.scaled(factor)
+        changed = factor * value if isinstance(value, float) else value.scaled(factor)
     return entry.model_copy(update={first: changed})
 
 

@@ -247,8 +247,8 @@ class SweepResult(Shown):
             return np.full((len(self.parameter_names), len(self.actuator_names)), np.nan)
         both = np.hstack((self.values, self.figure(name)))[self.solved]
         with np.errstate(invalid="ignore"):  # 0/0 of what does not vary
-            found = np.corrcoef(rankdata(both, axis=0), rowvar=False)
-        return found[: len(self.parameter_names), len(self.parameter_names) :]
+            correlation = np.corrcoef(rankdata(both, axis=0), rowvar=False)
+        return correlation[: len(self.parameter_names), len(self.parameter_names) :]
 
     @property
     def correlation_noise(self) -> float:
@@ -281,15 +281,15 @@ class SweepResult(Shown):
             return SobolIndices(*[np.full(d, 1.0 if varies else np.nan)] * 6)
         # the mean is taken off: the estimators of the first order lose digits to it
         parts = parts - parts.mean()
-        found = sobol_indices(
+        indices = sobol_indices(
             func={"f_A": parts[0], "f_B": parts[1], "f_AB": parts[2:]},
             n=n,
             **seeded(sobol_indices, "random_state", self.seed),
         )
         with np.errstate(all="ignore"), warnings.catch_warnings():
             warnings.simplefilter("ignore")  # a parameter without any influence: no spread
-            spread = found.bootstrap(n_resamples=_RESAMPLES)
-        middles = found.first_order.reshape(d), found.total_order.reshape(d)
+            spread = indices.bootstrap(n_resamples=_RESAMPLES)
+        middles = indices.first_order.reshape(d), indices.total_order.reshape(d)
         ends = [
             np.where(np.isnan(end.reshape(d)), middle, end.reshape(d))
             for middle, order in zip(middles, (spread.first_order, spread.total_order), strict=True)

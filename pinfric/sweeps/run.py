@@ -126,7 +126,7 @@ def _samples(
     """All samples as `compute` has them, in order, and how many processes computed."""
     from joblib import cpu_count, effective_n_jobs
 
-    found: list[pd.DataFrame] = []
+    frames: list[pd.DataFrame] = []
     n, done = len(values), 0
     every = np.arange(n)
     tell = progress or (lambda done, total: None)
@@ -148,10 +148,10 @@ def _samples(
     else:
         batches = compute_in_parallel(study, parts, values, processes, used)
     for batch in batches:
-        found.append(batch)
+        frames.append(batch)
         done += len(batch)
         tell(done, n)
-    whole = pd.concat(found, ignore_index=True).sort_values("sample", ignore_index=True)
+    whole = pd.concat(frames, ignore_index=True).sort_values("sample", ignore_index=True)
     return whole, used
 
 

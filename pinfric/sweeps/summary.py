@@ -137,7 +137,7 @@ def _spreads(result: SweepResult, figure: str) -> list[Spread]:
     """One for each drive."""
     quantiles = result.quantiles(figure) if result.solved.any() else None
     correlation, shares = result.rank_correlation(figure), result.sobol(figure)
-    names, found = result.parameter_names, []
+    names, spreads = result.parameter_names, []
     for i in range(len(result.actuator_names)):
         sobol = None
         if shares is not None:
@@ -148,8 +148,8 @@ def _spreads(result: SweepResult, figure: str) -> list[Spread]:
             }
         percentiles = {} if quantiles is None else _by_percentile(result, quantiles[:, i])
         ranks = dict(zip(names, correlation[:, i].tolist(), strict=True))
-        found.append(Spread(percentiles, ranks, sobol))
-    return found
+        spreads.append(Spread(percentiles, ranks, sobol))
+    return spreads
 
 
 def _on_trial(result: SweepResult, trial: Trial) -> MotorOnTrial:

@@ -93,7 +93,7 @@ class Superposition:
             return None
         states, efforts, wrenches = _states(scene, trajectory), [], []
         for body, (gravity, moves) in product(bodies, causes):
-            found = inverse_dynamics(
+            result = inverse_dynamics(
                 body.with_(gravity=gravity),
                 states.q,
                 states.v * moves,
@@ -101,8 +101,8 @@ class Superposition:
                 attached=_carrying(scene, body, states).attached,
                 threads=1,
             )
-            efforts.append(found.effort_frictionless.reshape(-1))
-            wrenches.append(np.empty(0) if found.wrench is None else found.wrench.reshape(-1))
+            efforts.append(result.effort_frictionless.reshape(-1))
+            wrenches.append(np.empty(0) if result.wrench is None else result.wrench.reshape(-1))
         sites, away = scene.site_tables, np.empty((0, 0))
         if sites.contacts.moves.any():
             away = scene.twin().displacements(sites.joint, states.q)
@@ -128,8 +128,8 @@ class Superposition:
             whole: with the result that the criteria of `size` ask for; the next one overwrites it.
         """
         n = len(values)
-        found = np.empty((n, len(self.scene.drives), 5))
-        now = Cycle.of(self.path, whole=whole)  # a thread's own
+        figures = np.empty((n, len(self.scene.drives), 5))
+        cycle = Cycle.of(self.path, whole=whole)  # a thread's own
         speed, bodies, causes = self._coefficients(values)
         varied = Varied(
             (bodies[:, :, None] * causes[:, None, :]).reshape(n, -1),
@@ -142,16 +142,16 @@ class Superposition:
             if whole or i == 0:
                 with np.errstate(all="ignore"):
                     end = i + 1 if whole else n
-                    write_figures(*self.basis, self.path, varied, now, found, i, end)
-            size = found[i, :, :4]
+                    write_figures(*self.basis, self.path, varied, cycle, figures, i, end)
+            size = figures[i, :, :4]
             fine = (size == 0.0) | ((size > _LEAST_EFFORT) & (size < _LARGEST_EFFORT))
             if not (movable[i] and fine.all()):
                 yield None
             elif not whole:
-                yield Stored(found[i])
+                yield Stored(figures[i])
             else:
                 inertias = np.tensordot(bodies[i], self._inertias, 1).max(axis=0)
-                yield Stored(found[i], self._result(now, values[i], speed[i]), inertias)
+                yield Stored(figures[i], self._result(cycle, values[i], speed[i]), inertias)
 
     def _result(self, now: Cycle, sample: np.ndarray, speed: float) -> InverseResult:
         """The result of the cycle in the buffers, as far as the criteria of `size` ask for it."""
@@ -164,11 +164,11 @@ class Superposition:
             self.scene, self.trajectory, [self.targets[j] for j in some], sample[some].tolist()
         )
         here = now.samples._asdict() | now._asdict()
-        found = {entry.name: here[entry.name] for entry in fields(like) if entry.name in here}
+        stored = {entry.name: here[entry.name] for entry in fields(like) if entry.name in here}
         if not self.path.geared:
             ends = now.samples.effort_lower, now.samples.effort_upper
-            found |= dict(zip(("motor_torque_lower", "motor_torque_upper"), ends, strict=True))
-        found["wrench"] = None if like.wrench is None else now.wrench
+            stored |= dict(zip(("motor_torque_lower", "motor_torque_upper"), ends, strict=True))
+        stored["wrench"] = None if like.wrench is None else now.wrench
         moved = replace(
             like.states, v=now.velocity, a=now.acceleration, t=t[0] + (t - t[0]) / speed
         )
@@ -178,7 +178,7 @@ class Superposition:
             states=moved,
             actuator_velocity=now.velocity,
             actuator_acceleration=now.acceleration,
-            **found,
+            **stored,
         )
 
     @cached_property
@@ -198,17 +198,17 @@ class Superposition:
         """(n,) speed factors; k_b (n, bodies) and k_c (n, causes) of each sample."""
         n = len(values)
         columns = values.T.copy()  # contiguous, like the default speed: one compiled kernel
-        given = {
+        column_of = {
             (t.section, *t.names[:1], t.key): column
             for t, column in zip(self.targets, columns, strict=True)
         }
-        speed = given.get(("speed", ""), np.ones(n))
+        speed = column_of.get(("speed", ""), np.ones(n))
         bodies = [np.ones((n, 1))]
         for name, keys in _varied_payloads(self.targets).items():
             payload = self.scene.payloads[name]
-            mass = given.get(("payload", name, "mass"), np.full(n, payload.mass))
+            mass = column_of.get(("payload", name, "mass"), np.full(n, payload.mass))
             away = [
-                given["payload", name, key] - payload.com["xyz".index(key[-1])]
+                column_of["payload", name, key] - payload.com["xyz".index(key[-1])]
                 for key in keys
                 if key != "mass"
             ]
@@ -217,7 +217,7 @@ class Superposition:
         sections = {target.section for target in self.targets}
         causes = [np.ones((n, 1))]
         if "mounting" in sections:
-            angles = (given.get(("mounting", key), np.zeros(n)) for key in ("roll", "pitch"))
+            angles = (column_of.get(("mounting", key), np.zeros(n)) for key in ("roll", "pitch"))
             turned = zip(*angles, strict=True)
             causes = [np.array([mounted_gravity(self.scene.model, *both) for both in turned])]
         if sections & {"mounting", "speed"}:
@@ -265,10 +265,10 @@ def _is_linear(scene: Scene, targets: Sequence[Target]) -> bool:
 
 def _varied_payloads(targets: Sequence[Target]) -> dict[str, list[str]]:
     """What varies of each payload: its keys, those of the centre of mass in the order x, y, z."""
-    found: dict[str, list[str]] = {}
+    changes: dict[str, list[str]] = {}
     for name, key in sorted({(t.names[0], t.key) for t in targets if t.section == "payload"}):
-        found.setdefault(name, []).append(key)
-    return found
+        changes.setdefault(name, []).append(key)
+    return changes
 
 
 def _offsets(count: int) -> np.ndarray:
@@ -373,7 +373,7 @@ def laws_of_samples(scene: Scene, targets: Sequence[Target], values: np.ndarray)
         return np.add.reduceat(strength, first, axis=1) if len(first) else strength
 
     mu, forces = factor[:, :, 0], factor[:, :, 1:]
-    found = table._replace(
+    laws = table._replace(
         mu_static=summed(mu * table.mu_static),
         mu_kinetic=summed(mu * table.mu_kinetic),
         coulomb_static=summed(forces * table.coulomb_static),
@@ -385,7 +385,7 @@ def laws_of_samples(scene: Scene, targets: Sequence[Target], values: np.ndarray)
         mu=mu[:, of_row] * table.mu,
         coulomb=forces[:, of_row] * table.coulomb,
     )
-    return Laws(*map(np.ascontiguousarray, found))  # another layout is another kernel
+    return Laws(*map(np.ascontiguousarray, laws))  # another layout is another kernel
 
 
 def gears_of_samples(scene: Scene, targets: Sequence[Target], values: np.ndarray) -> Gears:
@@ -404,10 +404,10 @@ def gears_of_samples(scene: Scene, targets: Sequence[Target], values: np.ndarray
         name = {"no_load_torque": "no_load", "motor_viscous": "viscous"}.get(key, key)
         for d, drive in enumerate(scene.drives):
             if drive.name in targets[j].names:
-                one = factor[name][:, d]
+                scale = factor[name][:, d]
                 if way:  # the motor's: a ratio below 0 turns it round
-                    one = one[:, int((way == "positive") != (gears.ratio[d] > 0))]
-                one *= values[:, j].reshape(-1, *[1] * (one.ndim - 1))
+                    scale = scale[:, int((way == "positive") != (gears.ratio[d] > 0))]
+                scale *= values[:, j].reshape(-1, *[1] * (scale.ndim - 1))
     return gears._replace(
         no_load=factor["no_load"] * gears.no_load,
         no_load_static=factor["no_load"] * gears.no_load_static,
