@@ -125,12 +125,12 @@ def explain(scene: Scene, trajectory: Trajectory | None = None) -> Explanation:
         states = trajectory.q, trajectory.v, trajectory.a
         motion = _Motion(states, trajectory.t, trajectory.attached, payloads)
     whole = motion.solve(scene)
-    found = effects(scene)
-    variants = {e.name: _without(scene, e) for e in found if e.on and e.name != "loops"}
+    listed = effects(scene)
+    variants = {e.name: _without(scene, e) for e in listed if e.on and e.name != "loops"}
     timed = {**variants, _ALL: scene, _PLAIN: with_effects(scene, only=[])}
     times = motion.times(timed, scene)
     rows = []
-    for effect in found:
+    for effect in listed:
         if effect.name not in variants:
             figures = (_NAN, _NAN, "", _NAN, _NAN, "", False)
             rows.append(Explained(effect.name, effect.on, effect.why, *figures))
@@ -236,8 +236,8 @@ class _Motion:
             for scene in scenes.values():
                 long.solve(scene)
         runs = {name: partial(long.solve, scene) for name, scene in scenes.items()}
-        found = all_rounds(runs, _ROUNDS if fit else 1)
-        return {name: 1e6 / (repeats * samples) * np.array(x) for name, x in found.items()}
+        rounds = all_rounds(runs, _ROUNDS if fit else 1)
+        return {name: 1e6 / (repeats * samples) * np.array(x) for name, x in rounds.items()}
 
 
 def _saved(whole: np.ndarray, without: np.ndarray) -> tuple[float, float]:

@@ -152,8 +152,8 @@ class Judge:
 
     def errors(self, track: Track) -> np.ndarray:
         """Return the largest error of any coordinate (rad or m) at each sample compared, (n,)."""
-        every = max(1, len(track.t) // _COMPARED)
-        chosen = np.unique(np.append(np.arange(0, len(track.t), every), len(track.t) - 1))
+        stride = max(1, len(track.t) // _COMPARED)
+        chosen = np.unique(np.append(np.arange(0, len(track.t), stride), len(track.t) - 1))
         true, model = self.at(track.t[chosen]), self.scene.model
         pairs = zip(true, track.q[chosen], strict=True)
         return np.array([np.abs(pin.difference(model, one, other)).max() for one, other in pairs])
@@ -222,9 +222,9 @@ def contestants(scene: Scene, methods: Collection[str] | None = None) -> list[Co
     }
     return [
         _own(scene, method, setting, options)
-        for method, found in settings.items()
+        for method, tolerances in settings.items()
         if methods is None or method in methods
-        for setting, options in found.items()
+        for setting, options in tolerances.items()
     ]
 
 

@@ -120,7 +120,7 @@ def gathered(kind: Callable[..., _Result], source: Any, **own: Any) -> _Result:
 
 def quantities(kind: type) -> dict[str, Quantity]:
     """Return the descriptions of a class's figures, fields first, then derived ones."""
-    found = {
+    described_fields = {
         entry.name: entry.metadata["quantity"]
         for entry in dataclasses.fields(kind)
         if "quantity" in entry.metadata
@@ -129,8 +129,8 @@ def quantities(kind: type) -> dict[str, Quantity]:
         for name, value in vars(base).items():
             mark = getattr(getattr(value, "fget", None), "quantity", None)
             if mark is not None:
-                found[name] = mark
-    return found
+                described_fields[name] = mark
+    return described_fields
 
 
 def unit_at(unit: str, effort: str) -> str:
@@ -249,8 +249,8 @@ def _annotation(kind: type, name: str) -> Any:
     """The type of a field or property, from where its class was written."""
     for base in kind.__mro__:
         member = getattr(vars(base).get(name), "fget", None)
-        found = inspect.get_annotations(member or base)
-        text = found.get("return" if member else name)
+        annotations = inspect.get_annotations(member or base)
+        text = annotations.get("return" if member else name)
         if text is not None:
             return eval(text, vars(sys.modules[base.__module__])) if isinstance(text, str) else text
     raise AssertionError(f"{kind.__name__}.{name} has no type")

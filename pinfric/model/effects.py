@@ -56,8 +56,8 @@ def _bends(friction: Friction) -> bool:
 
 def _without_bending(friction: Friction) -> dict[str, Any]:
     assert friction.bearing is not None
-    left = friction.bearing.without_bending()
-    return {"bearing": left} if left is not None else {"bearing": None, "mu": None}
+    bearing = friction.bearing.without_bending()
+    return {"bearing": bearing} if bearing is not None else {"bearing": None, "mu": None}
 
 
 def _without_static(friction: Friction) -> dict[str, Any]:
@@ -96,35 +96,35 @@ STRUCTURAL = ("loops", "couples", "coupling")
 
 def effects(scene: Scene) -> tuple[Effect, ...]:
     """Return the effects of a scene with the keys that cause them: `switchable`, `STRUCTURAL`."""
-    found = []
+    listed = []
     for kind in _kinds():
         where = [name for name, friction in scene.friction.items() if kind.present(friction)]
-        found.append(_effect(kind.name, f"friction.{{}}.{kind.key}", where))
+        listed.append(_effect(kind.name, f"friction.{{}}.{kind.key}", where))
     actuators = dict(enumerate(scene.actuators or ()))
     geared = [i for i, actuator in actuators.items() if _lossless(actuator) != actuator]
     ideal = not geared and any(a.transmission is not None for a in actuators.values())
-    found.append(
+    listed.append(
         Effect("transmission", False, "actuators[].transmission have ratios only, no losses")
         if ideal
         else _listed("transmission", "actuators[{}].transmission", scene, geared)
     )
     lossy = [i for i, actuator in actuators.items() if _unloaded(actuator) != actuator]
-    found.append(_listed("gear", "actuators[{}].transmission.efficiency", scene, lossy))
-    found.append(_effect("payload", "robot.payloads.{}", list(scene.payloads)))
+    listed.append(_listed("gear", "actuators[{}].transmission.efficiency", scene, lossy))
+    listed.append(_effect("payload", "robot.payloads.{}", list(scene.payloads)))
     springs = [f"[{i}] ({spring.name})" for i, spring in enumerate(scene.springs)]
-    found.append(_effect("springs", "springs{}", springs, "springs"))
+    listed.append(_effect("springs", "springs{}", springs, "springs"))
     loops = [loop_place(scene.loops, loop.name).removeprefix("loops") for loop in scene.loops]
-    found.append(_effect("loops", "loops{}", loops, "loops"))
+    listed.append(_effect("loops", "loops{}", loops, "loops"))
     coupled = [i for i, actuator in actuators.items() if actuator.couples]
-    found.append(_listed("couples", "actuators[{}].couples", scene, coupled))
+    listed.append(_listed("couples", "actuators[{}].couples", scene, coupled))
     # Loads that depend on friction: with loops or drives off the joints
     loaded = [name for name, friction in scene.friction.items() if _has_load(friction)]
-    found.append(
+    listed.append(
         Effect("coupling", False, "no loops, no actuators[].cylinder or force, no spring that rubs")
         if scene.linkage is None
         else _effect("coupling", "friction.{}.bearing", loaded)
     )
-    return tuple(found)
+    return tuple(listed)
 
 
 def _listed(name: str, key: str, scene: Scene, where: list[int]) -> Effect:

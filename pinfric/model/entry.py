@@ -110,16 +110,16 @@ class Forms:
 
     def chosen(self, value: Any) -> str:
         """Return the form of a value; of several entries the one with most of its keys."""
-        found, *_ = self.forms
+        first, *_ = self.forms
         if isinstance(value, dict):
             fitting = {
                 tag: len(value.keys() & form.key_names())
                 for tag, form in self.forms.items()
                 if isinstance(form, type) and issubclass(form, Entry)
             }
-            return max(fitting, key=fitting.__getitem__, default=found)
+            return max(fitting, key=fitting.__getitem__, default=first)
         written = _written_as(value)
-        return written if written in self.forms else found
+        return written if written in self.forms else first
 
 
 def _written_as(form: Any) -> str:
@@ -179,11 +179,11 @@ def register(table: dict[str, Any], name: str, cls: type[BaseModel]) -> None:
         SceneError: another class has the name. One that is defined once more, as in a cell of a
             notebook that is run again, replaces itself.
     """
-    now = table.setdefault(name, cls)
-    if (now.__module__, now.__qualname__) != (cls.__module__, cls.__qualname__):
+    known = table.setdefault(name, cls)
+    if (known.__module__, known.__qualname__) != (cls.__module__, cls.__qualname__):
         raise SceneError(
-            f"{cls.__qualname__}: {name!r} is the name of {now.__module__}.{now.__qualname__}, and "
-            f"all scenes use it; choose another name (taken: {', '.join(table)})"
+            f"{cls.__qualname__}: {name!r} is the name of {known.__module__}.{known.__qualname__}, "
+            f"and all scenes use it; choose another name (taken: {', '.join(table)})"
         )
     table[name] = cls
 
@@ -224,15 +224,15 @@ def parse(
         key = f"`{place(at)}`: " if at else ""
         raise error(f"{where}: {key}should be a mapping of keys, found {brief(content)}")
     try:
-        made = entry.model_validate(content)
+        parsed = entry.model_validate(content)
     except ValidationError as found:
         problems = [_problem(problem, entry, content, at) for problem in found.errors()]
         raise error(problems_line(where, problems)) from None
-    for path, text in _questions(made, at):
+    for path, text in _questions(parsed, at):
         warnings.warn(
             f"{where}: {place(path)}{'.' * bool(path)}{text}", PinfricWarning, stacklevel=2
         )
-    return made
+    return parsed
 
 
 def _problem(problem: Any, entry: type[BaseModel], content: Any, at: tuple[int | str, ...]) -> str:

@@ -74,7 +74,7 @@ def write_folder(
     """
     folder = Path(folder)
     check_writable(folder, writers)
-    made = [p for p in (folder, *folder.parents) if not p.exists()]
+    new_folders = [p for p in (folder, *folder.parents) if not p.exists()]
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with _unfinished(folder) as unfinished:
@@ -87,13 +87,13 @@ def write_folder(
     except OSError as problem:
         raise PinfricError(f"{folder}: cannot be written: {problem.strerror or problem}") from None
     except UnicodeEncodeError as problem:
-        found = brief(problem.object[max(0, problem.start - 40) : problem.end])
+        around = brief(problem.object[max(0, problem.start - 40) : problem.end])
         raise PinfricError(
-            f"{folder}: cannot be written: a file's name in it is not in UTF-8 ({found}); rename "
+            f"{folder}: cannot be written: a file's name in it is not in UTF-8 ({around}); rename "
             "that file or its folder"
         ) from None
     finally:
-        for new in made:
+        for new in new_folders:
             if new.is_dir() and not any(new.iterdir()):
                 new.rmdir()
     return [folder / name for name in writers]
@@ -115,17 +115,17 @@ def _unfinished(folder: Path) -> Iterator[Path]:
     """
     with ExitStack() as stack:
         with _locked(folder, os.O_RDONLY, wait=True) as guarded:
-            for left in folder.glob(f"{_UNFINISHED}*") if guarded else ():
-                with _locked(left / _ALIVE) as dead:
+            for leftover in folder.glob(f"{_UNFINISHED}*") if guarded else ():
+                with _locked(leftover / _ALIVE) as dead:
                     if dead:
-                        shutil.rmtree(left, ignore_errors=True)
-            made = stack.enter_context(
+                        shutil.rmtree(leftover, ignore_errors=True)
+            temporary = stack.enter_context(
                 tempfile.TemporaryDirectory(
                     dir=folder, prefix=_UNFINISHED, ignore_cleanup_errors=True
                 )
             )
-            stack.enter_context(_locked(Path(made) / _ALIVE))
-        yield Path(made)
+            stack.enter_context(_locked(Path(temporary) / _ALIVE))
+        yield Path(temporary)
 
 
 @contextmanager

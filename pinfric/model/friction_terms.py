@@ -93,8 +93,8 @@ class FrictionTerm(Entry):
     @property
     def directed(self) -> bool:
         """Whether it differs by the direction of motion."""
-        every = (self.at_rest(), *(strength for _, strength in self.rows(None)))
-        return any(strength.forward != strength.backward for strength in every)
+        strengths = (self.at_rest(), *(strength for _, strength in self.rows(None)))
+        return any(strength.forward != strength.backward for strength in strengths)
 
     def scaled(self, factor: float) -> Self:
         """Return the term `factor` times as strong."""

@@ -44,18 +44,18 @@ def massless(scene: Scene, attached: Iterable[str] | None = None) -> np.ndarray:
 
     def without(q: np.ndarray) -> np.ndarray:
         own = np.diagonal(mass_matrices(twin, q), axis1=1, axis2=2) + rotors
-        found: np.ndarray = (own <= _NO_MASS * own.max()).all(axis=0)
-        return found
+        still: np.ndarray = (own <= _NO_MASS * own.max()).all(axis=0)
+        return still
 
     if not without(start[None]).any():
         return np.zeros(twin.nv, dtype=bool)
     away = rng.uniform(-np.pi, np.pi, (_POSTURES, twin.nv))
     q = np.array([start, *(pin.integrate(model, start, one) for one in away)])
-    found = without(q)
-    if scene.linkage is not None and found.any():
+    still = without(q)
+    if scene.linkage is not None and still.any():
         rows = action_maps(twin, scene.linkage, *link_poses(twin, q))[1]
-        found &= ~rows.any(axis=(0, 1))
-    return found
+        still &= ~rows.any(axis=(0, 1))
+    return still
 
 
 def massless_joints(scene: Scene, attached: Iterable[str] | None = None) -> tuple[str, ...]:

@@ -283,10 +283,10 @@ def link_of(joint: ElementTree.Element, end: str) -> str:
 def _joints_above(joints: Mapping[str, ElementTree.Element]) -> dict[str, list[str]]:
     """Each joint's joints between it and the root, nearest first."""
     carrying = {link_of(joint, "child"): name for name, joint in joints.items()}
-    found = {}
+    above = {}
     for name in joints:
         chain = [name]
         while (up := carrying.get(link_of(joints[chain[-1]], "parent"))) is not None:
             chain.append(up)
-        found[name] = chain[1:]
-    return found
+        above[name] = chain[1:]
+    return above

@@ -297,10 +297,10 @@ class Scene:
 
     def _mention_unused(self) -> None:
         """Warn of what the model has beside the scene's entries: friction, and rotors twice."""
-        model, names, given = self.model, velocity_names(self.model), set(self.friction)
+        model, names, rubbing = self.model, velocity_names(self.model), set(self.friction)
         size = np.abs([model.damping, model.lowerDryFrictionLimit, model.upperDryFrictionLimit])
         pairs = zip(names, size.max(axis=0), strict=True)
-        unused = list(dict.fromkeys(n for n, most in pairs if most > 0.0 and n not in given))
+        unused = list(dict.fromkeys(n for n, most in pairs if most > 0.0 and n not in rubbing))
         more = f" and {len(unused) - 4} more" if len(unused) > 4 else ""
         said = []
         if unused and self.robot is None:  # of a URDF `load_scene` says it
@@ -325,15 +325,15 @@ class Scene:
     def _mobility(self, doubts: Mapping[str, str]) -> Mobility:
         if self.linkage is None:
             return mobility_of_tree(self.model.nv, self.drives)
-        found = mobility_of_linkage(
+        mobility = mobility_of_linkage(
             self.twin(), self.linkage, self.drives, self.start_configuration, self.source, doubts
         )
-        for d in set(taking_part(self.drives)).intersection(found.redundant):
+        for d in set(taking_part(self.drives)).intersection(mobility.redundant):
             raise SceneError(
                 f"{self.source}: actuators: {self.drives[d].name!r} is coupled, and "
-                f"redundant: {found.counts(len(self.drives))}"
+                f"redundant: {mobility.counts(len(self.drives))}"
             )
-        return found
+        return mobility
 
     def _align(self) -> dict[str, str]:
         """Correct rounded axes and frames of loops, warn of it, and return the doubtful axes."""
@@ -416,19 +416,19 @@ class Scene:
         for name, entry in friction.items():
             law = friction_law(entry, self.stick_velocity)
             known[name] = replace(known[name], law=law, friction=entry)
-        every, sites = {**self.friction, **friction}, tuple(known.values())
-        left = self.assumed and guesses_left(self.assumed, self.friction, every)
+        entries, sites = {**self.friction, **friction}, tuple(known.values())
+        assumed = self.assumed and guesses_left(self.assumed, self.friction, entries)
         tables = self.site_tables._replace(laws=law_table([site.law for site in sites]))
         changed: dict[str, Any] = {
-            "friction": MappingProxyType(every),
-            "assumed": left,
+            "friction": MappingProxyType(entries),
+            "assumed": assumed,
             "measured": None,
             "sites": sites,
             "site_tables": tables,
         }
-        made = object.__new__(type(self))
-        made.__dict__.update(self.__dict__ | changed)
-        return made
+        variant = object.__new__(type(self))
+        variant.__dict__.update(self.__dict__ | changed)
+        return variant
 
     def solver(self, attached: Iterable[str] | None = None) -> Solver:
         """Return a solver for one state at a time, for controllers and optimizers; see `Solver`.
@@ -478,8 +478,8 @@ class Scene:
         geared = sum(drive.transmission is not None for drive in self.drives)
         none = [velocity_names(model)[v] for v in self.mobility.undriven]
 
-        given = [actuator.drive_name for actuator in self.actuators or ()]
-        reordered = bool(given) and given != list(self.actuator_names)
+        drive_names = [actuator.drive_name for actuator in self.actuators or ()]
+        reordered = bool(drive_names) and drive_names != list(self.actuator_names)
 
         def among(names: Sequence[str]) -> str:
             return "at every joint" if tuple(names) == joints else listed(names)
@@ -572,9 +572,9 @@ class Scene:
         """(nq,) near which the loops close: `start`, `simulation.start.q`, else the neutral one."""
         if self.start is not None and not isinstance(self.start, Mapping):
             return np.array(self.start)
-        given = self.simulation.start.q if self.simulation and self.start is None else self.start
+        start = self.simulation.start.q if self.simulation and self.start is None else self.start
         q = np.array(pin.neutral(self.model))
-        for name, position in (given or {}).items():
+        for name, position in (start or {}).items():
             if name in self.joint_names:
                 joint = self.model.joints[self.model.getJointId(name)]
                 if joint.nq == 1:
@@ -646,11 +646,11 @@ class Scene:
                     "or a loop that this drive does not move"
                 )
             listed[name] = off_joint.get(name) or self._drive(actuator)
-        found = list(listed.values())
-        check_couples(found, velocity_names(self.model), self.source)
+        ordered = list(listed.values())
+        check_couples(ordered, velocity_names(self.model), self.source)
         if self.linkage is None:
-            found.sort(key=lambda drive: drive.velocity_index)
-        return tuple(found)
+            ordered.sort(key=lambda drive: drive.velocity_index)
+        return tuple(ordered)
 
     def _check_brakes(self) -> None:
         geared = [drive.name for drive in self.drives if drive.transmission is not None]
@@ -679,8 +679,8 @@ class Scene:
 
     def _check_masses(self) -> None:
         where, words = f"{self.source}: robot.masses", get_args(MassesHold)
-        given = self.masses if isinstance(self.masses, Mapping) else {OTHERS: self.masses}
-        for name, word in given.items():
+        masses = self.masses if isinstance(self.masses, Mapping) else {OTHERS: self.masses}
+        for name, word in masses.items():
             if name not in (known := (*self.actuator_names, OTHERS)):
                 raise SceneError(f"{where}: there is no drive {name!r}; {choose_from(name, known)}")
             if word not in words and self.masses is not None:
@@ -689,9 +689,9 @@ class Scene:
     @property
     def masses_hold(self) -> tuple[bool | None, ...]:
         """Whether the links' masses hold each drive, in the order of `drives`; None: not known."""
-        given = self.masses if isinstance(self.masses, Mapping) else {OTHERS: self.masses}
-        found = (given.get(name, given.get(OTHERS)) for name in self.actuator_names)
-        return tuple(None if word is None else word == "with_drives" for word in found)
+        masses = self.masses if isinstance(self.masses, Mapping) else {OTHERS: self.masses}
+        words = (masses.get(name, masses.get(OTHERS)) for name in self.actuator_names)
+        return tuple(None if word is None else word == "with_drives" for word in words)
 
     @property
     def elastic(self) -> tuple[int, ...]:
@@ -745,14 +745,14 @@ class Scene:
 
     def _with_springs(self, twin: Twin) -> Twin:
         """The twin with the scene's springs."""
-        given = self.springs, self.friction, self.start_configuration, self.source
-        return replace(twin, springs=make_springs(twin.model, twin.axis, *given))
+        parts = self.springs, self.friction, self.start_configuration, self.source
+        return replace(twin, springs=make_springs(twin.model, twin.axis, *parts))
 
     def __copy__(self) -> Scene:
         """Return a copy without derived quantities; it works with mimic joints, unlike pickling."""
-        made = object.__new__(type(self))
-        made.__setstate__(self._given())
-        return made
+        again = object.__new__(type(self))
+        again.__setstate__(self._given())
+        return again
 
     def __getstate__(self) -> dict[str, Any]:
         if len(self.model.mimicking_joints):

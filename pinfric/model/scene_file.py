@@ -57,8 +57,8 @@ def load_scene(path: str | Path) -> Scene:
         raise RobotError(f"{file}: {problem}") from None
     if entries.actuators is None:
         mention_reductions(robot, str(file))
-    if (given := entries.simulation) is not None:  # its tables are read where it is simulated
-        efforts = (*given.effort.values(), *given.motor_torque.values())
+    if (simulation := entries.simulation) is not None:  # its tables are read where it is simulated
+        efforts = (*simulation.effort.values(), *simulation.motor_torque.values())
         note_input(*(file.parent / e.table for e in efforts if isinstance(e, TableEffort)))
     robot.model.gravity.linear = np.array(entries.robot.gravity)
     # Refuse measured speeds that no joint of the robot reaches: deg/s, as a rule
@@ -128,14 +128,14 @@ def measured_scenes() -> dict[str, Measured]:
 
     A scene that repeats the measurement of another is a task of that robot, and is left out.
     """
-    found: dict[str, Measured] = {}
+    scenes: dict[str, Measured] = {}
     for file in sorted(bundled_folder().glob("*.yaml")):
         content = read_yaml(file, SceneError) if file.name.count(".") == 1 else {}
         if measured := content.get("measured"):
-            one = parse(Measured, measured, str(file), at=("measured",))
-            if one not in found.values():
-                found[file.stem] = one
-    return found
+            record = parse(Measured, measured, str(file), at=("measured",))
+            if record not in scenes.values():
+                scenes[file.stem] = record
+    return scenes
 
 
 def find_file(path: str | Path, suffixes: tuple[str, ...], error: type[PinfricError]) -> Path:
@@ -172,23 +172,23 @@ def _with_urdf_dynamics(entries: SceneFile, robot: Robot, where: str) -> dict[st
     """The file's friction, completed from `<dynamics>` where the scene asks for it."""
     friction = dict(entries.friction)
     movable = set(tuple(robot.model.names)[1:])
-    given = {n: d for n, d in robot.dynamics.items() if n in movable and (d.friction or d.damping)}
-    if not given:
+    stated = {n: d for n, d in robot.dynamics.items() if n in movable and (d.friction or d.damping)}
+    if not stated:
         return friction
     if entries.robot.urdf_dynamics == "ignore":
         if "urdf_dynamics" in entries.robot.model_fields_set:
             return friction  # as the scene demands
-        more = f" and {len(given) - 4} more" if len(given) > 4 else ""
+        more = f" and {len(stated) - 4} more" if len(stated) > 4 else ""
         warnings.warn(
             f"{where}: the URDF's <dynamics> gives friction or damping for "
-            f"{', '.join(list(given)[:4])}{more}; "
+            f"{', '.join(list(stated)[:4])}{more}; "
             "ignored (many URDFs have placeholders); robot.urdf_dynamics: use takes them, ignore "
             "silences this",
             PinfricWarning,
             stacklevel=3,
         )
         return friction
-    for name, dynamics in given.items():
+    for name, dynamics in stated.items():
         entry = friction.get(name, Friction())
         update: dict[str, Any] = {}
         if entry.coulomb is None and dynamics.friction > 0:

@@ -166,10 +166,10 @@ class Friction(Entry):
     ) -> JsonSchemaValue:
         """Return the schema with the keys of added classes, and no others."""
         schema = handler(core)
-        made = handler.resolve_ref_schema(schema)
-        made["additionalProperties"] = False
+        resolved = handler.resolve_ref_schema(schema)
+        resolved["additionalProperties"] = False
         for name, term in TERMS.items():
-            made["properties"][name] = handler(term.__pydantic_core_schema__)
+            resolved["properties"][name] = handler(term.__pydantic_core_schema__)
         return schema
 
     @property
@@ -347,8 +347,8 @@ class Actuator(Entry):
     @property
     def drive_name(self) -> str:
         """The name of its column of efforts: its own name, else its joint's."""
-        given = self.cylinder or self.force
-        return given.name if given is not None else self.name or self.joint or ""
+        line = self.cylinder or self.force
+        return line.name if line is not None else self.name or self.joint or ""
 
 
 class Stick(Entry):
@@ -579,12 +579,12 @@ def guesses_left(
         joint, _, name = place.removeprefix("friction.").rpartition(".")
         return getattr(friction.get(joint), name, None)
 
-    left = {
+    values = {
         place: why
         for place, why in assumed.values.items()
         if not place.startswith("friction.") or value(before, place) == value(after, place)
     }
-    return assumed.model_copy(update={"values": left}) if left else None
+    return assumed.model_copy(update={"values": values}) if values else None
 
 
 class SceneFile(Entry):

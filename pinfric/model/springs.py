@@ -46,8 +46,8 @@ class StiffnessLines(Entry):
 
     def scaled(self, factor: float) -> StiffnessLines:
         """Return lines `factor` times as stiff, which meet at the same torques."""
-        given = {k: factor * x for k in ("k1", "k2", "k3") if (x := getattr(self, k)) is not None}
-        return self.model_copy(update=given)
+        stiffer = {k: factor * x for k in ("k1", "k2", "k3") if (x := getattr(self, k)) is not None}
+        return self.model_copy(update=stiffer)
 
 
 class LostMotionStiffness(Entry):

@@ -72,8 +72,8 @@ def doubted_reach(reach: float) -> MassDoubt | None:
         return None
     unit = likely_unit(LENGTHS, lambda size: 0.05 < size * reach < 20.0)
     why = "no robot is so large; all lengths look wrong"
-    found, mistaken = f"its joints reach {reach:.0f} m", in_unit(unit, "m", reach)
-    return MassDoubt(found, why, mistaken, reach / _FARTHEST, light=False, impossible=True)
+    what, mistaken = f"its joints reach {reach:.0f} m", in_unit(unit, "m", reach)
+    return MassDoubt(what, why, mistaken, reach / _FARTHEST, light=False, impossible=True)
 
 
 def doubted_total(
@@ -89,17 +89,17 @@ def doubted_total(
     """
     cube, said, excess, light = max(way, 1e-3) ** 3, list[str](), 1.0, False
     if 0 < moving < _LIGHT * cube and joints >= _JOINTS and way >= _WAY:
-        found, light = f"{moving:.3g} kg move on {way:.3g} m of joints", True
+        what, light = f"{moving:.3g} kg move on {way:.3g} m of joints", True
         each = shown_density(moving / cube)
         said.append(f"{each} kg/m^3 of that length cubed; the lightest arms have 3.2")
         excess = _LIGHT / (moving / cube)
     elif way >= _WAY and total > _HEAVY * cube * (1.0 if way >= _HEAVY_WAY else _FAR):
-        found = f"{total:.4g} kg on {way:.3g} m of joints"
+        what = f"{total:.4g} kg on {way:.3g} m of joints"
         each = shown_density(total / cube)
         said.append(f"{each} kg/m^3 of that length cubed; robots have up to 300")
         excess = total / cube / _HEAVY
     else:
-        found = f"moving mass {moving:.4g} kg"
+        what = f"moving mass {moving:.4g} kg"
     if density is not None and not THIN <= density <= DENSE:
         said.append(f"its shapes have {shown_density(density)} kg/m^3 (arms: 380 to 2600)")
         excess = max(excess, THIN / density, density / DENSE)
@@ -113,7 +113,7 @@ def doubted_total(
 
     unit = likely_unit(MASSES, explains)
     mistaken = in_unit(unit, "kg", moving)
-    return MassDoubt(found, "; ".join(said), mistaken, excess, light, impossible=excess > _FAR)
+    return MassDoubt(what, "; ".join(said), mistaken, excess, light, impossible=excess > _FAR)
 
 
 def way_along_joints(model: pin.Model) -> float:

@@ -287,8 +287,8 @@ class Transmission(Entry):
         """Read a mapping with a key `kind` as the class that was added under this name."""
         if cls is Transmission and isinstance(value, dict) and "kind" in value:
             if value["kind"] in GEAR_KINDS:
-                made: Any = GEAR_KINDS[value["kind"]].model_validate(value)
-                return made
+                gear: Any = GEAR_KINDS[value["kind"]].model_validate(value)
+                return gear
             if GEAR_KINDS:
                 raise ValueError(
                     f"there is no kind {value['kind']!r}; "
@@ -351,11 +351,11 @@ class Transmission(Entry):
             for name in ("no_load_torque", "motor_viscous")
             if (term := getattr(self, name)) is not None
         }
-        given, back = self.efficiency, self.back_efficiency
-        if isinstance(given, MakersEfficiency):
-            update["efficiency"] = given.with_losses(factor)
+        efficiency, back = self.efficiency, self.back_efficiency
+        if isinstance(efficiency, MakersEfficiency):
+            update["efficiency"] = efficiency.with_losses(factor)
         else:
-            update["efficiency"] = _with_losses(given, factor)
+            update["efficiency"] = _with_losses(efficiency, factor)
         if isinstance(back, BackDriving):
             back = abs(self.ratio) * back.starting_torque / back.back_driving_torque
         if isinstance(back, float):
@@ -448,29 +448,29 @@ def load_part(efficiency: float, load: float, no_load: float) -> float:
 
 def _makers_loss(gear: Transmission) -> LoadLoss:
     """See `Transmission.losses`, where the motor drives."""
-    given = gear.efficiency
-    if not isinstance(given, MakersEfficiency):
-        return LoadLoss((0.0,), (0.0,), (1.0 / given - 1.0,))
-    if given.rated is not None:
-        assert given.load is not None  # the entry requires it
-        lost = _load_part(gear, given.rated, given.load, given.speed)
-        return LoadLoss((0.0,), (0.0,), (lost / given.load,))
-    points = given.over_load
+    efficiency = gear.efficiency
+    if not isinstance(efficiency, MakersEfficiency):
+        return LoadLoss((0.0,), (0.0,), (1.0 / efficiency - 1.0,))
+    if efficiency.rated is not None:
+        assert efficiency.load is not None  # the entry requires it
+        lost = _load_part(gear, efficiency.rated, efficiency.load, efficiency.speed)
+        return LoadLoss((0.0,), (0.0,), (lost / efficiency.load,))
+    points = efficiency.over_load
     loads = [0.0, *(load for load, _ in points)]
-    losses = [0.0, *(_load_part(gear, eta, load, given.speed) for load, eta in points)]
+    losses = [0.0, *(_load_part(gear, eta, load, efficiency.speed) for load, eta in points)]
     slopes = [
         (after - before) / (end - start)
         for (start, end), (before, after) in zip(pairwise(loads), pairwise(losses), strict=True)
     ]
     slopes.append(losses[-1] / loads[-1] if points else 1.0)
-    if not given.over_speed:
+    if not efficiency.over_speed:
         return _rising(LoadLoss(tuple(loads), tuple(losses), tuple(slopes)))
-    assert given.load is not None  # the entry requires it
-    there = float(np.interp(given.load, loads, losses)) if points else given.load
-    if points and given.load > loads[-1]:
-        there = given.load * slopes[-1]
+    assert efficiency.load is not None  # the entry requires it
+    there = float(np.interp(efficiency.load, loads, losses)) if points else efficiency.load
+    if points and efficiency.load > loads[-1]:
+        there = efficiency.load * slopes[-1]
     return _rising(
-        LoadLoss(tuple(loads), tuple(losses), tuple(slopes), *_over_speed(gear, given, there))
+        LoadLoss(tuple(loads), tuple(losses), tuple(slopes), *_over_speed(gear, efficiency, there))
     )
 
 

@@ -99,8 +99,8 @@ def dynamics(root: ElementTree.Element) -> dict[str, UrdfDynamics]:
 
 def _parts(root: ElementTree.Element, tag: str) -> list[tuple[str, ElementTree.Element]]:
     """The joints that have such a part, with the first of them."""
-    found = ((joint.attrib["name"], joint.find(tag)) for joint in root.findall("joint"))
-    return [(name, part) for name, part in found if part is not None]
+    tags = ((joint.attrib["name"], joint.find(tag)) for joint in root.findall("joint"))
+    return [(name, part) for name, part in tags if part is not None]
 
 
 def reductions(root: ElementTree.Element) -> dict[str, float]:
@@ -108,7 +108,7 @@ def reductions(root: ElementTree.Element) -> dict[str, float]:
 
     If both the joint and the actuator have one, the actuator's is used, as in ROS.
     """
-    found: dict[str, float] = {}
+    ratios: dict[str, float] = {}
     for transmission in root.findall("transmission"):
         texts = [
             *transmission.findall("joint/mechanicalReduction"),
@@ -118,8 +118,8 @@ def reductions(root: ElementTree.Element) -> dict[str, float]:
         values = [_number((element.text or "").strip()) for element in texts]
         for joint in transmission.findall("joint"):
             if values and values[-1] is not None and joint.get("name"):
-                found[str(joint.get("name"))] = values[-1]
-    return found
+                ratios[str(joint.get("name"))] = values[-1]
+    return ratios
 
 
 def _check_elements(root: ElementTree.Element, urdf: Path) -> None:
@@ -304,14 +304,14 @@ def bodies(root: ElementTree.Element) -> dict[str, tuple[float, np.ndarray]]:
 
     Links without an <inertial> are left out.
     """
-    found = {}
+    by_link = {}
     for link in root.findall("link"):
         if (mass := link.find("inertial/mass")) is not None:
             moments = link.find("inertial/inertia")
             given: Mapping[str, str] = {} if moments is None else moments.attrib
             inertia = np.reshape([float(given.get(moment, 0)) for moment in _MOMENTS], (3, 3))
-            found[link.attrib["name"]] = float(mass.attrib["value"]), inertia
-    return found
+            by_link[link.attrib["name"]] = float(mass.attrib["value"]), inertia
+    return by_link
 
 
 def _check_inertias(root: ElementTree.Element, urdf: Path) -> None:
@@ -410,9 +410,9 @@ def mesh_file(name: str | None, urdf: Path, package_dirs: Sequence[Path]) -> Pat
         candidates = [Path(rest)]
     else:
         candidates = [folder / rest.lstrip("/") for folder in package_dirs]
-    found = next((path for path in candidates if os.path.isfile(path)), None)
-    note_input(*([] if found is None else [found]))
-    return found
+    file = next((path for path in candidates if os.path.isfile(path)), None)
+    note_input(*([] if file is None else [file]))
+    return file
 
 
 def read_mesh_scene(path: Path) -> tuple[Any, float]:

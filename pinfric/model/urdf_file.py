@@ -211,10 +211,10 @@ def _expanded(
         )
     failed = f"{urdf}: is xacro and does not expand"
     name = root.get("name") or NAMELESS
-    given = [str(urdf.resolve()), name, str(_PATIENCE), json.dumps(dict(xacro_args)), *NUMBERS]
+    words = [str(urdf.resolve()), name, str(_PATIENCE), json.dumps(dict(xacro_args)), *NUMBERS]
     try:
         ended = subprocess.run(
-            [sys.executable, "-P", "-c", _EXPAND, *given], capture_output=True, timeout=_PATIENCE
+            [sys.executable, "-P", "-c", _EXPAND, *words], capture_output=True, timeout=_PATIENCE
         )
     except subprocess.TimeoutExpired:
         raise RobotError(f"{failed} in {_PATIENCE} s") from None
@@ -227,10 +227,10 @@ def _expanded(
             said = f"its argument {name!r} has no default: give it by --xacro-arg {name}:=VALUE, or"
             said += f" in the scene by robot.xacro_args: {{{name}: VALUE}}"
         raise RobotError(f"{failed}: {cut(said, 300) or 'its process was killed'}")
-    files, _, made = ended.stdout.partition(b"\n")
+    files, _, text = ended.stdout.partition(b"\n")
     note_input(*json.loads(files))
     try:
-        return ElementTree.fromstring(made)
+        return ElementTree.fromstring(text)
     except ElementTree.ParseError as problem:
         raise RobotError(f"{failed}: its result is not well-formed XML ({problem})") from None
 

@@ -81,9 +81,9 @@ def read_yaml(
     for what, ends in _OTHERS.items():
         if kind and path.suffix.lower() in ends:
             table = what == "log or a table" and kind in ("pinfric_catalog", "pinfric_motors")
-            made = f"`pinfric catalog {path}` makes a catalogue of a table"
+            catalog_hint = f"`pinfric catalog {path}` makes a catalogue of a table"
             said = f"{path}: is a {what}, not a {FORMATS[kind]} (YAML, `{kind}: 1`)"
-            raise error(f"{said}; {made if table else _order(kind)}")
+            raise error(f"{said}; {catalog_hint if table else _order(kind)}")
     try:
         check(content := bounded(path, error))
         content = _load(content.decode("utf-8"))
@@ -267,14 +267,14 @@ def _with_comments(value: Any, at: tuple[str, ...], comments: Mapping[tuple[str,
         return value
     pairs = value.items() if isinstance(value, Mapping) else enumerate(value)
     parts = {key: _with_comments(part, (*at, str(key)), comments) for key, part in pairs}
-    made = CommentedMap(parts) if isinstance(value, Mapping) else CommentedSeq(parts.values())
+    commented = CommentedMap(parts) if isinstance(value, Mapping) else CommentedSeq(parts.values())
     flat = not any(isinstance(part, dict | list) for part in parts.values())
     if at and flat and not any(len(key) > len(at) and key[: len(at)] == at for key in comments):
-        made.fa.set_flow_style()
+        commented.fa.set_flow_style()
     for key in parts:
         if text := comments.get((*at, str(key))):
-            made.yaml_add_eol_comment(text, key, column=0)
-    return made
+            commented.yaml_add_eol_comment(text, key, column=0)
+    return commented
 
 
 def brief(value: object, letters: int = _SHOWN) -> str:

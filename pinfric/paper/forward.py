@@ -59,10 +59,10 @@ class NoConsistentFriction(PinfricError):  # noqa: N818 - it names a finding abo
     ) -> None:
         self.time, self.position, self.rate = time, position, rate
         self.effort, self.consistent = effort, consistent
-        found = f"{len(consistent)} combinations" if consistent else "no combination"
+        count = f"{len(consistent)} combinations" if consistent else "no combination"
         when = "" if time is None else f" at t = {time:.6g} s"
         super().__init__(
-            f"{found} of stick and slip fit the law of friction{when}: position "
+            f"{count} of stick and slip fit the law of friction{when}: position "
             f"{position.tolist()}, rate {rate.tolist()}, effort {effort.tolist()}"
         )
 
@@ -227,15 +227,15 @@ def find_modes(
         raise PinfricError(f"{free.sum()} joints are at rest, {MOST_AT_REST} is the most")
     for level in _candidates(modes, free):
         tried = (_solve_modes(state, candidate) for candidate in level)
-        found = [
+        consistent = [
             instant
             for instant in tried
             if instant is not None and not _violated(state.mechanism, instant, at_rest)
         ]
-        if len(found) == 1:
-            return found[0]
-        if found:
-            raise NoConsistentFriction(*where, state.effort, [one.modes for one in found])
+        if len(consistent) == 1:
+            return consistent[0]
+        if consistent:
+            raise NoConsistentFriction(*where, state.effort, [one.modes for one in consistent])
     raise NoConsistentFriction(*where, state.effort, [])
 
 

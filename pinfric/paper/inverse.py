@@ -93,8 +93,8 @@ class _Known:
             *(getattr(self.placement, f.name)[samples] for f in fields(Placement))
         )
         jacobian = replace(self.jacobian, rows=self.jacobian.rows[samples])
-        rest = {f.name: getattr(self, f.name)[samples] for f in fields(self)[2:]}
-        return _Known(placement=placement, jacobian=jacobian, **rest)
+        arrays = {f.name: getattr(self, f.name)[samples] for f in fields(self)[2:]}
+        return _Known(placement=placement, jacobian=jacobian, **arrays)
 
 
 def _step_2(mechanism: Mechanism, position: Array, rate: Array, acceleration: Array) -> _Known:

@@ -214,13 +214,13 @@ class _Run:
         """The modes of the first phase; rates of joints that stick become exactly zero in y."""
         position, rate = np.split(y, 2)
         try:
-            found = forward(self.mechanism, position, rate, self.drive(time))
+            instant = forward(self.mechanism, position, rate, self.drive(time))
         except NoConsistentFriction as error:
             raise NoConsistentFriction(
                 time, error.position, error.rate, error.effort, error.consistent
             ) from error
-        y[self.joints + self.sites[found.modes == 0]] = 0.0
-        return found.modes
+        y[self.joints + self.sites[instant.modes == 0]] = 0.0
+        return instant.modes
 
     def phase(self, start: float, y: Array, modes: Modes, t_end: float) -> tuple[Phase, int | None]:
         """Integrate to the first guard that gives way, which is returned (None: to t_end)."""

@@ -95,7 +95,7 @@ def stop_grid(search: StopSearch, drive: int, shares: tuple[float, ...]) -> list
     """
     scene = search.machines.scene
     worst = search.longest(drive), search.farthest(drive)
-    samples = sorted({found.case.sample for found in worst})
+    samples = sorted({figures.case.sample for figures in worst})
     rows = []
     for load in (0.0, *shares) if search.machines.full else (0.0,):
         stops: dict[str, list[Stopped]] = {

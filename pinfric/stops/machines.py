@@ -63,10 +63,10 @@ class Machines:
         settings, drives = self.settings, self.scene.drives
         if settings.category == 0 or not settings.deceleration:
             return None
-        found = np.zeros(self.scene.model.nv)
+        most = np.zeros(self.scene.model.nv)
         for drive in drives:
-            found[drive.velocity_index] = settings.deceleration[drive.name]
-        return found
+            most[drive.velocity_index] = settings.deceleration[drive.name]
+        return most
 
 
 def stop_settings(scene: Scene, category: int | None) -> Stops:
@@ -79,18 +79,18 @@ def stop_settings(scene: Scene, category: int | None) -> Stops:
     Raises:
         StopError: there is no such section.
     """
-    given = scene.stops
-    if given is None:
+    stops = scene.stops
+    if stops is None:
         raise StopError(
             f"{scene.source}: has no `stops` section, and the reaction time cannot be known; add "
             "`stops: {category: 0, reaction_time: 0.02}` with your controller's figures"
         )
-    if category is None or category == given.category:
-        return given
+    if category is None or category == stops.category:
+        return stops
     if category not in (0, 1):
         raise StopError(f"category {category!r}: should be 0 or 1 (IEC 60204-1)")
     powered = {} if category == 1 else {"deceleration": {}, "power_until_braked": False}
-    return given.model_copy(update={"category": category, **powered})
+    return stops.model_copy(update={"category": category, **powered})
 
 
 def full_load(scene: Scene, trajectory: Trajectory) -> tuple[str, ...]:

@@ -168,7 +168,7 @@ def stop_motion(
         np.concatenate([getattr(row, name) for row in rows])
         for name in ("t", "q", "v", "rate", "effort")
     )
-    energy = np.sum([_brake_energy(part) for part in coasting], axis=0)
+    energy = np.sum([_brake_energy(motion) for motion in coasting], axis=0)
     parts = (*braked, *coasting)
     return StopMotion(machine.scene, t, q, v, rate, effort, power_off, energy, parts)
 
@@ -221,10 +221,10 @@ def _imposed(machine: Machine, given: Slowed) -> _Rows:
     attached = np.tile([n in machine.carried for n in machine.scene.payloads], (len(given.t), 1))
     with warnings.catch_warnings():  # a slow stop goes far beyond the limits: these are no degrees
         warnings.filterwarnings("ignore", "q: joint .* in degrees", PinfricWarning)
-        found = inverse_dynamics(
+        result = inverse_dynamics(
             machine.scene, given.q, given.v, given.a, attached=attached if attached.size else None
         )
-    effort = ends_by_magnitude(found.effort_lower, found.effort_upper)[0]
+    effort = ends_by_magnitude(result.effort_lower, result.effort_upper)[0]
     rate = working_rates(machine.scene, given.q, given.v)[0]
     return _Rows(given.t, given.q, given.v, rate, effort)
 
@@ -246,9 +246,9 @@ def _until_rest(
     """Simulate in pieces, each twice as long as the one before, until all is at rest."""
     gone, piece = 0.0, _PIECE
     while gone < LONGEST:
-        part = _simulate(machine, torques, q, v, piece)
-        yield part
-        q, v, gone, piece = part.q[-1], part.v[-1], gone + piece, 2.0 * piece
+        motion = _simulate(machine, torques, q, v, piece)
+        yield motion
+        q, v, gone, piece = motion.q[-1], motion.v[-1], gone + piece, 2.0 * piece
         if not v.any():
             return
     raise StopError(_does_not_stop(machine, torques, v, gone, how))

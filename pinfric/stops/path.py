@@ -61,13 +61,13 @@ class CyclePath:
         """Way of each velocity since the first sample (nv,) over the cycle's time."""
         from scipy.interpolate import CubicHermiteSpline  # 0.5 s to import
 
-        given = self.trajectory
+        cycle = self.trajectory
         steps = [
             pin.difference(self.model, *pair)
-            for pair in zip(given.q[:-1], given.q[1:], strict=True)
+            for pair in zip(cycle.q[:-1], cycle.q[1:], strict=True)
         ]
         way = np.concatenate([np.zeros((1, self.model.nv)), np.cumsum(steps, axis=0)])
-        return CubicHermiteSpline(given.t, way, given.v)
+        return CubicHermiteSpline(cycle.t, way, cycle.v)
 
     def slowed(self, sample: int, speed: float, deceleration: np.ndarray) -> Slowed:
         """Return the stop from a sample.
@@ -76,13 +76,13 @@ class CyclePath:
             sample: at which it begins. speed: sigma there.
             deceleration: (nv,) d_j > 0, rad/s^2 or m/s^2.
         """
-        given = self.trajectory
-        if not given.v[sample].any():  # it rests
+        cycle = self.trajectory
+        if not cycle.v[sample].any():  # it rests
             zero = np.zeros((1, self.model.nv))
-            return Slowed(np.zeros(1), given.q[[sample]], zero, zero)
-        slowest = float((np.abs(given.v[sample:]) / deceleration).max())
-        begin, straight = float(given.t[sample]), speed**2 * slowest / 2.0
-        longest = float(given.t[-1]) - begin + straight
+            return Slowed(np.zeros(1), cycle.q[[sample]], zero, zero)
+        slowest = float((np.abs(cycle.v[sample:]) / deceleration).max())
+        begin, straight = float(cycle.t[sample]), speed**2 * slowest / 2.0
+        longest = float(cycle.t[-1]) - begin + straight
         step = max(min(_STEP, straight / _LEAST), longest / _MOST)
         tau, square, slowing = self._until_rest(begin, step, speed**2, deceleration)
         sigma = np.sqrt(square)
@@ -107,35 +107,35 @@ class CyclePath:
             with np.errstate(divide="ignore", invalid="ignore"):
                 least = 2.0 * deceleration / np.abs(rate)  # infinite of an axis at rest
                 more = np.where(rate == 0.0, 0.0, 2.0 * bend / rate)
-            now = _slowing(least[0], more[0], square)
+            slowing = _slowing(least[0], more[0], square)
             for k in range(_CHUNK):
-                slowings.append(now)
-                after = _slowing(least[k + 1], more[k + 1], max(square - step * now, 0.0))
-                mean = 0.5 * (now + after) if after < np.inf else now
+                slowings.append(slowing)
+                after = _slowing(least[k + 1], more[k + 1], max(square - step * slowing, 0.0))
+                mean = 0.5 * (slowing + after) if after < np.inf else slowing
                 if square <= step * mean or after == np.inf:  # it comes to rest before the next
-                    left = min(square / mean, step) if mean > 0.0 else step
-                    end = [*taus, float(tau[k]) + left], [*squares, 0.0], [*slowings, 0.0]
+                    way = min(square / mean, step) if mean > 0.0 else step
+                    end = [*taus, float(tau[k]) + way], [*squares, 0.0], [*slowings, 0.0]
                     return np.array(end[0]), np.array(end[1]), np.nan_to_num(end[2], posinf=0.0)
                 square -= step * mean
-                now = _slowing(least[k + 1], more[k + 1], square)
+                slowing = _slowing(least[k + 1], more[k + 1], square)
                 taus.append(float(tau[k + 1]))
                 squares.append(square)
 
     def rates(self, tau: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return p' and p'' (N, nv) at times of the cycle (N,)."""
-        given = self.trajectory
-        within = np.minimum(tau, given.t[-1])
-        bend = np.array([np.interp(within, given.t, column) for column in given.a.T]).T
+        cycle = self.trajectory
+        within = np.minimum(tau, cycle.t[-1])
+        bend = np.array([np.interp(within, cycle.t, column) for column in cycle.a.T]).T
         return self.curve(within, 1), np.where((tau > within)[:, None], 0.0, bend)
 
     def at(self, tau: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return p (N, nq), p' and p'' (N, nv) at times of the cycle (N,)."""
-        given, curve = self.trajectory, self.curve
-        within = np.minimum(tau, given.t[-1])
-        before = np.clip(given.t.searchsorted(within, side="right") - 1, 0, len(given.t) - 1)
+        cycle, curve = self.trajectory, self.curve
+        within = np.minimum(tau, cycle.t[-1])
+        before = np.clip(cycle.t.searchsorted(within, side="right") - 1, 0, len(cycle.t) - 1)
         after = (tau - within)[:, None]
-        way = curve(within) - curve(given.t[before]) + given.v[-1] * after
-        pairs = zip(given.q[before], way, strict=True)
+        way = curve(within) - curve(cycle.t[before]) + cycle.v[-1] * after
+        pairs = zip(cycle.q[before], way, strict=True)
         q = np.array([pin.integrate(self.model, *pair) for pair in pairs])
         return q, *self.rates(tau)
 

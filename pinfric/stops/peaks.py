@@ -102,8 +102,8 @@ def gear_peaks(
             push = -passes[:, S] * direction[rows][:, None, S] - h[:, None, S]
             a = np.linalg.solve(inertia, push.transpose(0, 2, 1))
             effort = np.abs(M[rows][:, :, S] @ a + h[:, :, None]).transpose(0, 2, 1)
-            rest = np.delete(np.arange(len(rate[0])), S)
-            effort[..., rest] = np.minimum(effort[..., rest], passes[:, rest])
+            others = np.delete(np.arange(len(rate[0])), S)
+            effort[..., others] = np.minimum(effort[..., others], passes[:, others])
             most[rows] = np.maximum(most[rows], effort.max(axis=1))
     return most[:, : len(own)]
 
@@ -141,8 +141,8 @@ def cycle_peaks(
             down = _falls(machine, machines, q, load)
             stopped.append((machine.torque, machine.delay, 0.0 * v, down))
         for torque, delay, speed, way in stopped:
-            found = gear_peaks(machine, torque, delay, q, speed, way * heavy)
-            most.append(found.max(axis=0))
+            peaks = gear_peaks(machine, torque, delay, q, speed, way * heavy)
+            most.append(peaks.max(axis=0))
     most += [np.max(np.abs([x.effort_lower, x.effort_upper]), axis=(0, 1)) for x in powers]
     return np.max(most, axis=0)
 

@@ -219,12 +219,12 @@ class StopSearch:
 
     def motion(self, case: StopCase) -> StopMotion:
         """Return the motion of one stop, simulated anew."""
-        given, d = self.cycle.trajectory, self.machines.deceleration
+        trajectory, d = self.cycle.trajectory, self.machines.deceleration
         slowed = None
         if d is not None and self.machines.settings.along_path:
             slowed = self.path.slowed(case.sample, case.speed, d)
-        machine, v = self.machines.of(case.kind), case.speed * given.v[case.sample]
-        return stop_motion(machine, given.q[case.sample], v, slowed)
+        machine, v = self.machines.of(case.kind), case.speed * trajectory.v[case.sample]
+        return stop_motion(machine, trajectory.q[case.sample], v, slowed)
 
     @cached_property
     def path(self) -> CyclePath:
@@ -266,8 +266,8 @@ class StopSearch:
             for name in ("rest", "travel", "peak", *["braking"] * powered, "energy"):
                 yield figure_of(name, d)
         for d in np.flatnonzero(self.limited).tolist():
-            left = -beyond_of(d)(self.nearest(d))
-            if left < self.farthest(d).travel[d]:  # else no stop comes near
+            margin = -beyond_of(d)(self.nearest(d))
+            if margin < self.farthest(d).travel[d]:  # else no stop comes near
                 yield beyond_of(d)
         yield lambda stop: stop.time
         if self.cycle.path is not None:
@@ -356,7 +356,7 @@ def stopped(cycle: StopCycle, case: StopCase, motion: StopMotion) -> Stopped:
         energy=motion.energy,
         beyond=past(cycle.limits, motion.q[:, cycle.place]).max(axis=0),
         path=path,
-        stepped=any(part.method == "timestepping" for part in motion.parts),
+        stepped=any(phase.method == "timestepping" for phase in motion.parts),
     )
 
 
@@ -368,8 +368,14 @@ def estimates(
     Args:
         machines, cycle: what is stopped. kind: with which load, and whether brakes are greatest.
     """
-    machine, given, d = machines.of(kind), cycle.trajectory, machines.deceleration
-    states = States(given.q, given.v, given.a, None, carried_by(machines, kind.load, len(given.q)))
+    machine, trajectory, d = machines.of(kind), cycle.trajectory, machines.deceleration
+    states = States(
+        trajectory.q,
+        trajectory.v,
+        trajectory.a,
+        None,
+        carried_by(machines, kind.load, len(trajectory.q)),
+    )
     gears = [drive.transmission for drive in machine.scene.drives]
     ratio = np.array([abs(drive.ratio) for drive in machine.scene.drives])
     rotor = np.array([0.0 if gear is None else gear.rotor_inertia for gear in gears])
@@ -378,13 +384,13 @@ def estimates(
     push = -cycle.hold[kind.load > 0.0] * np.sign(cycle.rate)
     torque = ratio * _per_drive(machine, machine.drive_torque or machine.torque)
     torque = np.where(torque > 0.0, torque, np.abs(push).max() + 1e-9)
-    left = np.maximum(torque - push, _LEAST_SHARE * torque)
+    braking = np.maximum(torque - push, _LEAST_SHARE * torque)
     if d is not None:  # the drives impose the motion
         ramp = speed / np.array([d[drive.velocity_index] for drive in machine.scene.drives])
         if machines.settings.along_path:
             ramp = ramp.max(axis=1, keepdims=True)
         return inertia, speed * (cycle.reaction + ramp / 2.0)
-    way = closing_way(inertia, speed, push, delay, left)
+    way = closing_way(inertia, speed, push, delay, braking)
     return inertia, speed * (cycle.reaction + delay) + way
 
 
