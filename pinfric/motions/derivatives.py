@@ -166,7 +166,7 @@ def _derivatives(
     Of long ones part by part, with samples beside that the part's samples do not feel: equations
     of a whole log would take 16 numbers a sample.
     """
-    found = [np.empty_like(y) for _ in orders]
+    derivatives = [np.empty_like(y) for _ in orders]
     for first in range(0, y.size, _PART):
         last = min(first + _PART, y.size)
         before, after = max(first - _BESIDE, 0), min(last + _BESIDE, y.size)
@@ -174,9 +174,9 @@ def _derivatives(
         spline = _interpolate(
             t[near], y[near], left if before == 0 else 0, right if after == y.size else 0
         )
-        for column, order in zip(found, orders, strict=True):
+        for column, order in zip(derivatives, orders, strict=True):
             column[own] = spline(t[own], order)
-    return found
+    return derivatives
 
 
 def _interpolate(t: FloatArray, y: FloatArray, left: int, right: int) -> Any:

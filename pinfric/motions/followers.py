@@ -45,14 +45,14 @@ def find_followers(scene: Any, columns: Sequence[JointColumn]) -> tuple[Follower
         return ()
     leaders = {column.name: column for column in columns}
     limits = _urdf_limits(robot)
-    found: list[Follower] = []
+    followers: list[Follower] = []
     for follower, leader in zip(model.mimicking_joints, model.mimicked_joints, strict=True):
         mimic, of = model.joints[follower].extract(), model.names[leader]
         ratio, shift = float(mimic.scaling), float(mimic.offset)
         law = f"{ratio:g} x {of}" + (f" {shift:+g}" if shift else "")
-        column = replace(limits[model.names[follower]], index_v=len(found), follows=law)
-        found.append(Follower(column, leaders[of], ratio, shift))
-    return tuple(found)
+        column = replace(limits[model.names[follower]], index_v=len(followers), follows=law)
+        followers.append(Follower(column, leaders[of], ratio, shift))
+    return tuple(followers)
 
 
 def follower_problems(
@@ -91,14 +91,14 @@ def follower_warnings(
 
 def _urdf_limits(robot: Any) -> dict[str, JointColumn]:
     """Limits of a URDF's joints by name; the file was checked when the robot was read."""
-    found = {}
+    limits = {}
     for joint in robot.xml().findall("joint"):
         name, kind, limit = joint.get("name", ""), joint.get("type"), joint.find("limit")
-        given = {} if limit is None else limit.attrib
-        lower, upper = stated_range(float(given.get("lower", 0)), float(given.get("upper", 0)))
+        stated = {} if limit is None else limit.attrib
+        lower, upper = stated_range(float(stated.get("lower", 0)), float(stated.get("upper", 0)))
         if kind == "continuous":
             lower, upper = -np.inf, np.inf
-        speed = stated_limit(float(given.get("velocity", 0)))
+        speed = stated_limit(float(stated.get("velocity", 0)))
         unit = "m" if kind == "prismatic" else "rad"
-        found[name] = JointColumn(name, 0, 0, 1, unit, lower, upper, speed)
-    return found
+        limits[name] = JointColumn(name, 0, 0, 1, unit, lower, upper, speed)
+    return limits

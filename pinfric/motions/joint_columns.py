@@ -98,7 +98,7 @@ def limit_problems(
         t: (T,) s.
         position: (T, nj) one number per joint; what is not finite is passed over.
     """
-    found: list[str] = []
+    problems: list[str] = []
     for index, column in enumerate(columns):
         q = np.where(np.isfinite(position[:, index]), position[:, index], np.nan)
         for side, limit, beyond in (
@@ -108,12 +108,12 @@ def limit_problems(
             if beyond.any():
                 samples = np.flatnonzero(beyond)
                 worst = samples[np.argmax(np.abs(q[samples] - limit))]
-                found.append(
+                problems.append(
                     f"joint {column.name}: {q[worst]:.6g} {column.unit} is {side} limit "
                     f"{limit:.6g} (first at t = {t[samples[0]]:.6g} s, sample {samples[0]}; "
                     f"samples beyond it: {samples.size}){column.why}"
                 )
-    return found
+    return problems
 
 
 def velocity_warnings(
@@ -126,17 +126,17 @@ def velocity_warnings(
         t: (T,) s.
         velocity: (T, nv) rad/s or m/s.
     """
-    found = []
+    warnings = []
     for column in columns:
         speed = np.abs(velocity[:, column.index_v])
         beyond = np.flatnonzero(speed > column.velocity_limit + LIMIT_TOLERANCE)
         if beyond.size:
-            found.append(
+            warnings.append(
                 f"joint {column.name}: reaches {speed.max():.6g} {column.unit}/s, above its "
                 f"velocity limit {column.velocity_limit:.6g} (first at t = "
                 f"{t[beyond[0]]:.6g} s; samples beyond it: {beyond.size}){column.why}"
             )
-    return found
+    return warnings
 
 
 def configurations(columns: Sequence[JointColumn], position: FloatArray, nq: int) -> FloatArray:
@@ -179,17 +179,17 @@ def unit_circle_problems(columns: Sequence[JointColumn], q: FloatArray) -> list[
         columns: (nj,) the joints.
         q: (T, nq) configurations.
     """
-    found = []
+    problems = []
     for column in columns:
         if column.nq == 2:
             length = np.linalg.norm(q[:, column.index_q : column.index_q + 2], axis=1)
             wrong = np.flatnonzero(np.abs(length - 1.0) > LIMIT_TOLERANCE)
             if wrong.size:
-                found.append(
+                problems.append(
                     f"joint {column.name}: q[{column.index_q}:{column.index_q + 2}] is "
                     f"(cos, sin) of its angle, but not at samples {listing(wrong)}"
                 )
-    return found
+    return problems
 
 
 def refuse(source: str, problems: Sequence[str]) -> None:

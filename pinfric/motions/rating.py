@@ -128,10 +128,10 @@ class Rated:
         """Yield of each posture its hold (None), then the moves of its joints, as way-points."""
         for k, posture in enumerate(self.postures):
             yield None, (_point(posture, hold=_HOLD),)
-            for one in self.lifts:
-                if one.posture == k:
-                    back = _point(posture, duration=one.duration, hold=2 * one.duration)
-                    yield one, (_point(posture), _point(one.to, duration=one.duration), back)
+            for lift in self.lifts:
+                if lift.posture == k:
+                    back = _point(posture, duration=lift.duration, hold=2 * lift.duration)
+                    yield lift, (_point(posture), _point(lift.to, duration=lift.duration), back)
 
     def motions(self) -> Iterator[tuple[Lift | None, Trajectory]]:
         """Yield the same parts, each as a motion of its own."""
@@ -209,8 +209,8 @@ def rate(scene: Scene, given: Rating | Mapping[str, Any]) -> Rated:
     arm = Arm(loaded, payload)
     speeds = arm.top_speeds(rating)
     # 1. The worst posture of each joint: by gravity, else by inertia
-    every = range(len(arm.drives))
-    worst, held = arm.farthest(arm.efforts, every)
+    drives = range(len(arm.drives))
+    worst, held = arm.farthest(arm.efforts, drives)
     weighs = held >= _NO_GRAVITY * held.max()
     light = np.flatnonzero(~weighs).tolist()
     if light:
@@ -220,19 +220,23 @@ def rate(scene: Scene, given: Rating | Mapping[str, Any]) -> Rated:
     def load_of(q: FloatArray) -> FloatArray:
         return np.where(weighs, arm.efforts(q), arm.inertias(q))
 
-    best, postures, of = load_of(worst)[every, every], list[FloatArray](), np.zeros(len(worst), int)
-    left = sorted(every, key=lambda i: (not weighs[i], -held[i]))
-    while left:
-        near = load_of(worst[left]) >= _NEARLY_WORST * best
-        first = int(near[:, left].sum(axis=1).argmax())  # of equals the one that holds most
-        served = [i for i in left if near[first, i] or i == left[first]]
+    best, postures, of = (
+        load_of(worst)[drives, drives],
+        list[FloatArray](),
+        np.zeros(len(worst), int),
+    )
+    waiting = sorted(drives, key=lambda i: (not weighs[i], -held[i]))
+    while waiting:
+        near = load_of(worst[waiting]) >= _NEARLY_WORST * best
+        first = int(near[:, waiting].sum(axis=1).argmax())  # of equals the one that holds most
+        served = [i for i in waiting if near[first, i] or i == waiting[first]]
         of[served] = len(postures)
-        postures.append(arm.simplified(worst[left[first]], served, load_of, best))
-        left = [i for i in left if i not in served]
+        postures.append(arm.simplified(worst[waiting[first]], served, load_of, best))
+        waiting = [i for i in waiting if i not in served]
     # 3. From there each joint alone, against gravity
     lifts = []
     signed = arm.signed_efforts(np.array(postures))
-    for i in every:
+    for i in drives:
         k, p = arm.columns_of[i], int(of[i])
         turns, speed, here = arm.columns[k].unit == "rad", speeds[i], postures[p][k]
         room = arm.limits[k, 1] - here, here - arm.limits[k, 0]
@@ -297,17 +301,17 @@ class Arm:
         before = {
             model.joints[j].idx_v for j in model.supports[model.frames[self.frame].parentJoint]
         }
-        moved = {one.velocity_index: i for i, one in enumerate(scene.drives)}
-        found = [
+        moved = {drive.velocity_index: i for i, drive in enumerate(scene.drives)}
+        carriers = [
             (moved[column.index_v], k)
             for k, column in enumerate(self.columns)
             if column.index_v in before and column.index_v in moved
         ]
-        if not found:
+        if not carriers:
             raise TrajectoryError(
                 f"{scene.source}: no drive moves {load.link}; name the tool's link"
             )
-        self.drives, self.columns_of = ([pair[side] for pair in found] for side in (0, 1))
+        self.drives, self.columns_of = ([pair[side] for pair in carriers] for side in (0, 1))
         self.com = np.array(load.com)
         self.joints = [model.getJointId(self.columns[k].name) for k in self.columns_of]
         limits = np.array([(column.lower, column.upper) for column in self.columns])
@@ -386,21 +390,21 @@ class Arm:
         while (going := np.flatnonzero(step > _FINEST)).size:
             beside = x[going, None] + step[going, None, None] * ways
             beside = np.clip(beside, *self.ranges.T)
-            found = value(beside.reshape(-1, len(low)))[:, column[going]]
+            values = value(beside.reshape(-1, len(low)))[:, column[going]]
             rows = np.arange(len(going))
-            found = found.reshape(*beside.shape[:2], -1)[rows, :, rows]
-            k = found.argmax(axis=1)
-            reached = found[rows, k]
+            values = values.reshape(*beside.shape[:2], -1)[rows, :, rows]
+            k = values.argmax(axis=1)
+            reached = values[rows, k]
             better = reached > best[going] + least
             moved = going[better]
             x[moved], best[moved] = beside[better, k[better]], reached[better]
             step[going[~better]] /= 2
-        found, x = best.reshape(_FOLLOWED, -1), x.reshape(_FOLLOWED, len(which), -1)
+        values, x = best.reshape(_FOLLOWED, -1), x.reshape(_FOLLOWED, len(which), -1)
         winners = []
-        for k, most in enumerate(found.max(axis=0)):
-            alike = x[found[:, k] >= most * (1 - _ALIKE), k]
+        for k, most in enumerate(values.max(axis=0)):
+            alike = x[values[:, k] >= most * (1 - _ALIKE), k]
             winners.append(max(alike, key=self.reach))
-        return np.array(winners), found.max(axis=0)
+        return np.array(winners), values.max(axis=0)
 
     def simplified(
         self,

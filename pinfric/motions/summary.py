@@ -91,7 +91,7 @@ def _summarize(result: InverseResult, t: np.ndarray, i: int) -> ActuatorSummary:
     motor_worst, motor_least = ends_by_magnitude(
         result.motor_torque_lower[:, i], result.motor_torque_upper[:, i]
     )
-    friction, rest = rms(t, worst - frictionless), rms(t, frictionless)
+    friction, without = rms(t, worst - frictionless), rms(t, frictionless)
     sites = sites_on(result.scene, i)
     sticks = runs(rests(result, i))
     unit = effort_unit(result.scene, i)
@@ -105,8 +105,8 @@ def _summarize(result: InverseResult, t: np.ndarray, i: int) -> ActuatorSummary:
         rms=rms(t, worst),
         rms_least=rms(t, least),
         peak_frictionless=float(np.abs(frictionless).max()),
-        rms_frictionless=rest,
-        friction_share=friction / (friction + rest) if friction > 0 else friction,
+        rms_frictionless=without,
+        friction_share=friction / (friction + without) if friction > 0 else friction,
         stick_time=float(sum(t[last] - t[first] for first, last in sticks)),
         sticks=len(sticks),
         reversals=int(np.count_nonzero(result.reversal[:, sites].any(axis=1))),
@@ -120,7 +120,7 @@ def _summarize(result: InverseResult, t: np.ndarray, i: int) -> ActuatorSummary:
 
 def beyond_limits(result: InverseResult) -> tuple[str, ...]:
     """Return in words the drives of joints whose efforts pass the limit that the URDF states."""
-    limits, found = np.asarray(result.scene.model.effortLimit, dtype=np.float64), []
+    limits, lines = np.asarray(result.scene.model.effortLimit, dtype=np.float64), []
     for i, drive in enumerate(result.scene.drives):
         if drive.velocity_index < 0:
             continue
@@ -128,8 +128,8 @@ def beyond_limits(result: InverseResult) -> tuple[str, ...]:
         ends = np.abs([result.effort_lower[:, i], result.effort_upper[:, i]])
         peak, unit = float(np.fmax.reduce(ends, axis=None)), effort_unit(result.scene, i)
         if peak > limit:
-            found.append(f"{drive.name} needs {peak:.3g} {unit}; the URDF allows {limit:g} {unit}")
-    return tuple(found)
+            lines.append(f"{drive.name} needs {peak:.3g} {unit}; the URDF allows {limit:g} {unit}")
+    return tuple(lines)
 
 
 #: What is smaller than this beside the largest effort or reaction is rounding of the dynamics.
@@ -254,12 +254,12 @@ def sites_on(scene: Scene, actuator: int) -> list[int]:
         ties[nv + pair, first[support != 0]] = True
     for coupled in scene.drives:
         ties[coupled.velocity_index, [v for v, _ in coupled.couples]] = True
-    part = connected_components(ties, directed=False)[1]
+    group = connected_components(ties, directed=False)[1]
     drive = scene.drives[actuator]
     own = first[first <= drive.velocity_index].max(initial=-1)
     own = nv + linkage.column_pair[drive.column] if own < 0 else own
     at = [nv + site.pair if site.pair >= 0 else site.velocity_index for site in scene.sites]
-    return np.flatnonzero(part[at] == part[own]).tolist() if at else []
+    return np.flatnonzero(group[at] == group[own]).tolist() if at else []
 
 
 def rests(result: InverseResult, actuator: int) -> np.ndarray:

@@ -124,9 +124,9 @@ class Trajectory:
             ("attached", self.attached.shape, (count, len(self.payload_names))),
         )
         wrong = [
-            f"{name} has shape {found} where {needed} is needed"
-            for name, found, needed in shapes
-            if found != needed
+            f"{name} has shape {shape} where {needed} is needed"
+            for name, shape, needed in shapes
+            if shape != needed
         ]
         refuse(
             self.source,
@@ -347,10 +347,10 @@ def load_trajectory(
     >>> len(motion.t), motion.duration
     (2801, 2.8)
     """
-    found = read_trajectory(path, scene, options)
-    for text in found.warnings:
-        warnings.warn(f"{found.source}: {text}", PinfricWarning, stacklevel=2)
-    return found
+    trajectory = read_trajectory(path, scene, options)
+    for text in trajectory.warnings:
+        warnings.warn(f"{trajectory.source}: {text}", PinfricWarning, stacklevel=2)
+    return trajectory
 
 
 def read_trajectory(
@@ -380,8 +380,8 @@ def read_trajectory(
     said, choose = Remarks(), partial(named_columns, scene, columns)
     locked, payloads = _locked(robot) if robot else {}, list(scene.payloads)
     named, table, reading = read_log(source, columns, payloads, choose, options, said, locked)
-    found = _from_table(name, scene, columns, named, table, said.problems, reading.filtered)
-    return replace(found, reading=reading, warnings=(*reading.notes, *found.warnings))
+    trajectory = _from_table(name, scene, columns, named, table, said.problems, reading.filtered)
+    return replace(trajectory, reading=reading, warnings=(*reading.notes, *trajectory.warnings))
 
 
 def _locked(robot: Robot) -> dict[str, tuple[float, str]]:
@@ -398,8 +398,8 @@ def _locked(robot: Robot) -> dict[str, tuple[float, str]]:
 def _from_waypoints(path: Path, scene: HasModel, columns: Sequence[JointColumn]) -> Trajectory:
     problems: list[str] = []
     waypoints = read_waypoints(path)
-    given = [c.name for c in columns] if waypoints.joints is None else waypoints.joints
-    named = named_columns(scene, columns, given, problems)
+    names = [c.name for c in columns] if waypoints.joints is None else waypoints.joints
+    named = named_columns(scene, columns, names, problems)
     refuse(str(path), problems)
     waypoints, lines = solve_tool_points(waypoints, scene, columns, str(path))
     table = sample_waypoints(waypoints, named, _defaults(scene), str(path), lines)

@@ -189,11 +189,11 @@ def trapezoidal(s: FloatArray, ramp: float) -> tuple[FloatArray, FloatArray, Flo
     """
     peak = 1.0 / (1.0 - ramp)
     slope = peak / ramp
-    left = 1.0 - s
+    to_go = 1.0 - s
     rising, falling = s < ramp, s >= 1.0 - ramp
     b = np.where(rising, 0.5 * slope * s**2, peak * (s - 0.5 * ramp))
-    b = np.where(falling, 1.0 - 0.5 * slope * left**2, b)
-    rate = np.where(rising, slope * s, np.where(falling, slope * left, peak))
+    b = np.where(falling, 1.0 - 0.5 * slope * to_go**2, b)
+    rate = np.where(rising, slope * s, np.where(falling, slope * to_go, peak))
     return b, rate, np.where(rising, slope, np.where(falling, -slope, 0.0))
 
 
@@ -290,10 +290,10 @@ def carried_on(waypoints: WayPointFile, payloads: Mapping[str, bool]) -> BoolArr
         waypoints: the file.
         payloads: name -> attached at the start.
     """
-    now, rows = dict(payloads), []
+    carried, rows = dict(payloads), []
     for point in waypoints.points:
-        now |= dict.fromkeys(point.detach, False) | dict.fromkeys(point.attach, True)
-        rows.append([now[name] for name in payloads])
+        carried |= dict.fromkeys(point.detach, False) | dict.fromkeys(point.attach, True)
+        rows.append([carried[name] for name in payloads])
     return np.array(rows, dtype=bool).reshape(len(rows), len(payloads))
 
 
@@ -333,17 +333,17 @@ def _joint_order(
     """Return, for each of the model's joints, its place in the points' q."""
     if waypoints.joints is None:
         return list(range(len(joint_names)))
-    given = list(waypoints.joints)
-    for name in dict.fromkeys(given):
+    names = list(waypoints.joints)
+    for name in dict.fromkeys(names):
         if name not in joint_names:
             problems.append(f"joints: unknown joint {name!r}; {choose_from(name, joint_names)}")
-        if given.count(name) > 1:
-            problems.append(f"joints: {name!r} occurs {given.count(name)} times")
-    missing = [name for name in joint_names if name not in given]
+        if names.count(name) > 1:
+            problems.append(f"joints: {name!r} occurs {names.count(name)} times")
+    missing = [name for name in joint_names if name not in names]
     if missing:
         problems.append(f"joints: missing {', '.join(missing)}; every joint needs a position")
         return []
-    return [given.index(name) for name in joint_names]
+    return [names.index(name) for name in joint_names]
 
 
 def _check_points(
@@ -357,12 +357,12 @@ def _check_points(
         problems.append("points[0].tool: the posture before is not known: give `q` here")
     if waypoints.points[0].duration is not None:
         problems.append("points[0].duration: the motion starts here; leave it out")
-    given = [len(point.q) for point in waypoints.points]
-    wrong = [i for i, number in enumerate(given) if number != count]
+    lengths = [len(point.q) for point in waypoints.points]
+    wrong = [i for i, number in enumerate(lengths) if number != count]
     if wrong:
         more = f" ({len(wrong)} such points)" if len(wrong) > 1 else ""
         problems.append(
-            f"points[{wrong[0]}].q: {counted(given[wrong[0]], 'number')} for "
+            f"points[{wrong[0]}].q: {counted(lengths[wrong[0]], 'number')} for "
             f"{counted(count, 'joint')}{more}; give one per joint, in the order of `joints` (by "
             "default the scene's), or the scene of this motion"
         )
