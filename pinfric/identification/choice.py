@@ -281,7 +281,7 @@ def not_ruled_out(
         return law.load, law.both_ways
 
     def beside(law: Law) -> tuple[bool, float | None, tuple[int, ...]]:
-        return law.coulomb, law.exponent, law.falls
+        return law.coulomb, law.exponent, law.stribeck_slots
 
     best: dict[tuple[str, bool], Law] = {}
     for law in sorted(errors, key=lambda law: float(errors[law].sum())):

@@ -44,16 +44,17 @@ from pinfric.identification.inertias import consistent_fit, urdf_prior, with_par
 from pinfric.identification.laws import (
     BACKWARD,
     COULOMB,
-    FALL_BACKWARD,
-    FALL_FORWARD,
-    FALL_LOAD,
-    FALLS,
+    DIRECTIONS,
     FORWARD,
     GEARS,
     INERTIA,
     PLAIN,
     RESTS_ON,
     SPEEDS,
+    STRIBECK,
+    STRIBECK_BACKWARD,
+    STRIBECK_FORWARD,
+    STRIBECK_LOAD,
     Law,
     candidates,
 )
@@ -64,7 +65,12 @@ from pinfric.identification.normal import (
     weighted,
 )
 from pinfric.identification.recordings import STILL, Recording
-from pinfric.identification.stribeck import Fall, falling, find_fall, with_falls
+from pinfric.identification.stribeck import (
+    StribeckFit,
+    find_stribeck,
+    stribeck_decay,
+    with_stribeck,
+)
 from pinfric.model.arrays import FloatArray
 from pinfric.model.couples import mixed
 from pinfric.model.scene import Scene
@@ -130,7 +136,7 @@ class Estimate:
         problem: the summed products, with the weights that were used.
         fit: with links that can exist.
         delay: by which logged efforts lag behind.
-        falls: of each joint's friction from rest to motion; None: it has none.
+        stribeck: of each joint's friction; None: it has none.
         errors: (nj,) of the laws taken and of plain friction, on blocks that neither their choice
             nor their fit has seen, N m or N.
         distrusted: whether the chosen laws predicted these blocks worse than plain friction,
@@ -148,7 +154,7 @@ class Estimate:
     problem: Problem = field(init=False)
     fit: Fit = field(init=False)
     delay: Delay = field(default_factory=lambda: Delay(0.0, np.inf, ()))
-    falls: tuple[Fall | None, ...] = ()
+    stribeck: tuple[StribeckFit | None, ...] = ()
     errors: tuple[FloatArray, FloatArray] = (np.zeros(0), np.zeros(0))
     distrusted: bool = False
     gravity: Mapping[int, tuple[float, float]] = field(default_factory=dict)
@@ -214,16 +220,16 @@ def estimate(question: Question, progress: Callable[[int, int], object]) -> Esti
     _find_delay(found)
     _fit(found, plain)
     for number in range(4):
-        if number >= 2 and not any(law.falls for law in found.choice.laws):
+        if number >= 2 and not any(law.stribeck_slots for law in found.choice.laws):
             break  # only the speeds at which friction falls take longer
         progress(steps - max(2 - number, 1), steps)
-        falls = list[Fall | None]()
+        fits = list[StribeckFit | None]()
         for j, law in enumerate(found.choice.laws):
             beside = sorted({INERTIA, *law.slots} - set(RESTS_ON))
             given = found.prepared, j, found.rows[j], found.row_weights[j], beside
-            parts = _may_fall(found, j)
-            falls.append(find_fall(*given, parts) if parts else None)
-        found.falls = tuple(falls)
+            parts = _stribeck_choices(found, j)
+            fits.append(find_stribeck(*given, parts) if parts else None)
+        found.stribeck = tuple(fits)
         laws = [offered(found, j) for j in range(len(found.rows))]
         _find_delay(found, reload=True)
         _fit(found, laws)
@@ -307,7 +313,7 @@ def _fit(found: Estimate, laws: Sequence[Sequence[Law]]) -> None:
         return consistent_fit(normal, prior, free, slots)
 
     fit = fitted(choice)
-    if not scale_is_known(found) and (ends := _at_an_end(problem, choice, fit)):
+    if ends := _at_an_end(problem, choice, fit, scale_is_known(found)):
         one_loss = [
             replace(law, both_ways=True) if j in ends else law for j, law in enumerate(choice.laws)
         ]
@@ -322,14 +328,14 @@ def _fit(found: Estimate, laws: Sequence[Sequence[Law]]) -> None:
         found.scene = question.scene.with_(model=with_parameters(question.scene.model, fit.theta))
 
 
-def _may_fall(found: Estimate, joint: int) -> list[list[int]]:
+def _stribeck_choices(found: Estimate, joint: int) -> list[list[int]]:
     """What of one joint's friction may fall from rest to motion: the choices to search among."""
     mine = found.question.laws.get(found.scene.joint_names[joint])
-    if mine is not None or found.choice.laws[joint].falls:
-        falls = (mine or found.choice.laws[joint]).falls
-        return [list(falls)] if falls else []
-    loads = [FALL_LOAD] if _loads(found, joint) else []
-    return [FALLS, *([loads, FALLS + loads] if loads else [])]
+    if mine is not None or found.choice.laws[joint].stribeck_slots:
+        slots = (mine or found.choice.laws[joint]).stribeck_slots
+        return [list(slots)] if slots else []
+    loads = [STRIBECK_LOAD] if _loads(found, joint) else []
+    return [STRIBECK, *([loads, STRIBECK + loads] if loads else [])]
 
 
 def _loads(found: Estimate, joint: int) -> bool:
@@ -374,15 +380,15 @@ def offered(found: Estimate, joint: int) -> tuple[Law, ...]:
     both = min(drives, 1.0 - drives) > _LEAST_SHARE
     entry = scene.friction.get(name)
     bearing = entry is not None and entry.bearing is not None
-    fall = found.falls[joint] if found.falls else None
+    stribeck = found.stribeck[joint] if found.stribeck else None
     gear = found.question.motor and _shows_gear(found, joint)
-    carried = fall is not None and _loads(found, joint)
-    laws = candidates(bearing, gear, both, fall is not None, carried)
+    carried = stribeck is not None and _loads(found, joint)
+    laws = candidates(bearing, gear, both, stribeck is not None, carried)
     if mixed(scene.drives, scene.model.nv)[joint]:  # its friction follows the motor's speed
         laws = tuple(
             law
             for law in laws
-            if not law.falls and (not law.load or law.side == "motor" != law.load)
+            if not law.stribeck_slots and (not law.load or law.side == "motor" != law.load)
         )
     return laws
 
@@ -402,21 +408,25 @@ def scale_is_known(found: Estimate) -> bool:
     )
 
 
-def _at_an_end(problem: Problem, choice: Choice, fit: Fit) -> list[int]:
+def _at_an_end(problem: Problem, choice: Choice, fit: Fit, scale: bool) -> list[int]:
     """Return the joints of whose gear's two losses one is zero, where one loss may be chosen.
 
     With all masses free the two follow the masses' scale (`scale_is_known`). One that is zero is
-    the end of that scale, not a finding: the joint's other coefficients would follow it.
+    the end of that scale, not a finding: the joint's other coefficients would follow it. Nor is one
+    that makes no gear, eta_b <= -1/eta.
+
+    Args:
+        problem, choice, fit: with the two losses.
+        scale: whether the masses' scale is known; then a loss may be zero.
     """
-    return [
-        j
-        for j, law in enumerate(choice.laws)
-        if law.load == "gear"
-        and replace(law, both_ways=True) in problem.laws[j]
-        and not law.both_ways
-        and min(fit.slots[j, GEARS[law.side, direction]] for direction in ("driving", "driven"))
-        <= 0.0
-    ]
+    ends = []
+    for j, law in enumerate(choice.laws):
+        one_loss = replace(law, both_ways=True)
+        if law.load == "gear" and not law.both_ways and one_loss in problem.laws[j]:
+            driving, driven = (fit.slots[j, GEARS[law.side, way]] for way in DIRECTIONS[:2])
+            zero = min(driving, driven) <= 0.0 and not scale
+            ends += [j] if zero or 1.0 - driven <= -(1.0 + driving) else []
+    return ends
 
 
 def reloaded(found: Estimate, one: Prepared, scene: Scene | None = None) -> Prepared:
@@ -428,10 +438,10 @@ def reloaded(found: Estimate, one: Prepared, scene: Scene | None = None) -> Prep
         inner[:, j] = values[FORWARD] * (sign > 0.0) - values[BACKWARD] * (sign < 0.0)
         for slot, p in SPEEDS.items():
             inner[:, j] += values[slot] * sign * np.abs(v[:, j]) ** p
-        if found.falls and (fall := found.falls[j]) is not None:
-            inner[:, j] += falling(v[:, j], fall.velocity, fall.exponent) * (
-                values[FALL_FORWARD] * (sign > 0.0)
-                - values[FALL_BACKWARD] * (sign < 0.0)
-                + values[FALL_LOAD] * sign * one.bearing[:, j]
+        if found.stribeck and (stribeck := found.stribeck[j]) is not None:
+            inner[:, j] += stribeck_decay(v[:, j], stribeck.velocity, stribeck.exponent) * (
+                values[STRIBECK_FORWARD] * (sign > 0.0)
+                - values[STRIBECK_BACKWARD] * (sign < 0.0)
+                + values[STRIBECK_LOAD] * sign * one.bearing[:, j]
             )
-    return with_falls(with_loads(one, scene or found.scene, inner), found.falls)
+    return with_stribeck(with_loads(one, scene or found.scene, inner), found.stribeck)

@@ -18,7 +18,7 @@ from pinfric.identification.columns import joint_rows, prepare, settled, thinnin
 from pinfric.identification.estimate import Estimate, Question, estimate, reloaded, turns
 from pinfric.identification.files import identified_files
 from pinfric.identification.findings import Findings, HeldOut
-from pinfric.identification.laws import COULOMB, FALL_SPEED, RESTS_ON, K, Law
+from pinfric.identification.laws import COULOMB, RESTS_ON, STRIBECK_VELOCITY, K, Law
 from pinfric.identification.misfit import misfits
 from pinfric.identification.normal import Fit, FrictionNormalEquations, residuals
 from pinfric.identification.notes import notes
@@ -284,11 +284,11 @@ def _posterior(found: Estimate, known: Uncertainty, seed: int) -> dict[str, Floa
     """Draws of every coefficient above zero, in the scene's terms."""
     draws = known.draws(found.fit.slots, _DRAWS, seed)
     slots, ways = found.problem.slots(found.choice.laws), set(COULOMB)
-    falls = {*RESTS_ON, FALL_SPEED}  # no key of a sweep
+    stribeck = {*RESTS_ON, STRIBECK_VELOCITY}  # no key of a sweep
     result = {}
     for at in known.place.tolist():
         j, slot = divmod(at, K)
-        if j not in found.known or slot in falls:
+        if j not in found.known or slot in stribeck:
             continue
         law = found.choice.laws[j]
         ratio = abs(found.scene.drives[j].ratio)

@@ -32,12 +32,14 @@ BEARING = 3 + len(EXPONENTS)
 GEARS = {key: BEARING + 1 + i for i, key in enumerate(product(SIDES, DIRECTIONS))}
 #: by how much friction at rest exceeds friction in motion (c+, c-, mu), and the speed at which it
 #: has fallen.
-FALL_FORWARD, FALL_BACKWARD, FALL_LOAD, FALL_SPEED = range(BEARING + 7, BEARING + 11)
-SLOTS = range(FALL_SPEED + 1)
+STRIBECK_FORWARD, STRIBECK_BACKWARD, STRIBECK_LOAD, STRIBECK_VELOCITY = range(
+    BEARING + 7, BEARING + 11
+)
+SLOTS = range(STRIBECK_VELOCITY + 1)
 K = len(SLOTS)
-COULOMB, FALLS = [FORWARD, BACKWARD], [FALL_FORWARD, FALL_BACKWARD]
+COULOMB, STRIBECK = [FORWARD, BACKWARD], [STRIBECK_FORWARD, STRIBECK_BACKWARD]
 #: What each of them adds to at rest.
-RESTS_ON = {FALL_FORWARD: FORWARD, FALL_BACKWARD: BACKWARD, FALL_LOAD: BEARING}
+RESTS_ON = {STRIBECK_FORWARD: FORWARD, STRIBECK_BACKWARD: BACKWARD, STRIBECK_LOAD: BEARING}
 
 
 @dataclass(frozen=True)
@@ -51,7 +53,7 @@ class Law:
         side: of a gear's friction, and of a coupled drive's, "motor" or "joint".
         both_ways: whether a gear loses as much driven as driving (eta_b = 2 - 1/eta).
         stribeck: whether Coulomb friction falls from rest to motion.
-        load_falls: whether the bearing's friction does.
+        load_stribeck: whether the bearing's friction does.
     """
 
     coulomb: bool = True
@@ -60,18 +62,18 @@ class Law:
     side: str = "joint"
     both_ways: bool = True
     stribeck: bool = False
-    load_falls: bool = False
+    load_stribeck: bool = False
 
     @property
-    def falls(self) -> tuple[int, ...]:
+    def stribeck_slots(self) -> tuple[int, ...]:
         """Places of what falls from rest to motion."""
-        return (*FALLS * self.stribeck, *[FALL_LOAD] * self.load_falls)
+        return (*STRIBECK * self.stribeck, *[STRIBECK_LOAD] * self.load_stribeck)
 
     @cached_property
     def slots(self) -> tuple[int, ...]:
         """Its coefficients' places in `SLOTS`."""
         places = COULOMB * self.coulomb + [at for at, p in SPEEDS.items() if p == self.exponent]
-        places += [*self.falls, *[BEARING] * (self.load == "bearing")]
+        places += [*self.stribeck_slots, *[BEARING] * (self.load == "bearing")]
         if self.load == "gear":
             places += [
                 GEARS[self.side, x] for x in (DIRECTIONS[2:] if self.both_ways else DIRECTIONS[:2])
@@ -81,7 +83,7 @@ class Law:
     @property
     def size(self) -> int:
         """How many coefficients it has, the speed at which friction falls among them."""
-        return len(self.slots) + bool(self.falls)
+        return len(self.slots) + bool(self.stribeck_slots)
 
     def __str__(self) -> str:
         parts = ["Coulomb"] if self.coulomb else []
@@ -94,7 +96,7 @@ class Law:
                 f"the {self.side}'s side"
             )
         elif self.load:
-            parts.append("load (falls from rest to motion)" if self.load_falls else self.load)
+            parts.append("load (falls from rest to motion)" if self.load_stribeck else self.load)
         return " + ".join(parts) or "none"
 
 
@@ -107,7 +109,7 @@ def candidates(
     gear: bool,
     both_directions: bool,
     stribeck: bool = False,
-    load_falls: bool = False,
+    load_stribeck: bool = False,
 ) -> tuple[Law, ...]:
     """Return the laws that a joint's data can tell apart.
 
@@ -117,7 +119,7 @@ def candidates(
         both_directions: the load both drives the motion and is driven by it often enough.
         stribeck: friction at low speed is larger than Coulomb and viscous friction explain, and
             sits on the joint's side, where a scene can state it.
-        load_falls: it is so the more the joint carries.
+        load_stribeck: it is so the more the joint carries.
     """
     loads = [Law()]
     if bearing:
@@ -127,16 +129,16 @@ def candidates(
         if both_directions:
             loads.append(Law(load="gear", side=side, both_ways=False))
     smooth = [replace(law, exponent=p) for law in loads for p in (None, *EXPONENTS)]
-    falls = [
+    stribeck_laws = [
         replace(law, exponent=p, stribeck=True)
         for law in loads
         for p in (None, 1.0)
         if stribeck and law.side == "joint"
     ]
     carried = [
-        Law(exponent=p, load="bearing", stribeck=also, load_falls=True)
+        Law(exponent=p, load="bearing", stribeck=also, load_stribeck=True)
         for p in (None, 1.0)
         for also in (False, True)
-        if load_falls
+        if load_stribeck
     ]
-    return (*smooth, *falls, *carried)
+    return (*smooth, *stribeck_laws, *carried)

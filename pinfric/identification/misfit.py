@@ -23,7 +23,7 @@ from pinfric.dynamics.samples.reactions import state_wrenches
 from pinfric.dynamics.samples.states import States
 from pinfric.identification.columns import PASS, Prepared
 from pinfric.identification.estimate import Estimate, turns
-from pinfric.identification.laws import COULOMB, FALL_SPEED, INERTIA
+from pinfric.identification.laws import COULOMB, INERTIA, STRIBECK_VELOCITY
 from pinfric.identification.normal import orthonormal, residuals
 from pinfric.model.arrays import FloatArray
 
@@ -121,7 +121,7 @@ def _of_joint(found: Estimate, joint: int, track: _Track) -> Iterator[Misfit]:
     if spans < _FEWEST_SPANS:
         return
     law = found.choice.laws[joint]
-    active = [INERTIA, *law.slots, *([FALL_SPEED] if law.falls else [])]
+    active = [INERTIA, *law.slots, *([STRIBECK_VELOCITY] if law.stribeck_slots else [])]
     model = np.column_stack((rows.rigid, rows.slots[:, active])) * weight[:, None]
     left = residuals(rows, found.fit, joint) * weight
     shapes = list(_shapes(found, joint, track))

@@ -77,7 +77,7 @@ def notes(
     lines += _by_joint(
         _of_motion(found, slid) | _of_rest(found, slid, rest, static) | _of_laws(found, slid)
     )
-    lines += _of_falls(found)
+    lines += _open_exponents(found)
     lines += _of_masses(found)
     stick = stick_velocity(found.question.scene, found.question.recordings)
     if stick > found.question.scene.stick_velocity:
@@ -182,13 +182,15 @@ def _uneven(found: Estimate, halves: Mapping[int, float]) -> list[str]:
     return lines
 
 
-def _of_falls(found: Estimate) -> list[str]:
+def _open_exponents(found: Estimate) -> list[str]:
     """Joints whose logs admit several exponents of the fall from rest to motion."""
-    falls = zip(found.scene.joint_names, found.falls, found.choice.laws, strict=False)
+    every = zip(found.scene.joint_names, found.stribeck, found.choice.laws, strict=False)
     each = [
-        f"{name} {', '.join(f'{n:g}' for n in sorted([fall.exponent, *others]))}"
-        for name, fall, law in falls
-        if fall is not None and law.falls and (others := [other.exponent for other in fall.others])
+        f"{name} {', '.join(f'{n:g}' for n in sorted([stribeck.exponent, *others]))}"
+        for name, stribeck, law in every
+        if stribeck is not None
+        and law.stribeck_slots
+        and (others := [other.exponent for other in stribeck.others])
     ]
     if not each:
         return []

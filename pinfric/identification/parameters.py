@@ -16,22 +16,24 @@ from dataclasses import astuple
 from typing import Any
 
 import numpy as np
+from pydantic import ValidationError
 
+from pinfric.errors import IdentificationError
 from pinfric.identification.columns import Rows
 from pinfric.identification.estimate import Estimate, scale_is_known
 from pinfric.identification.laws import (
     BEARING,
     COULOMB,
-    FALL_BACKWARD,
-    FALL_FORWARD,
-    FALL_LOAD,
-    FALL_SPEED,
-    FALLS,
     FORWARD,
     GEARS,
     INERTIA,
     RESTS_ON,
     SPEEDS,
+    STRIBECK,
+    STRIBECK_BACKWARD,
+    STRIBECK_FORWARD,
+    STRIBECK_LOAD,
+    STRIBECK_VELOCITY,
     K,
     Law,
 )
@@ -104,15 +106,15 @@ def scene_key(scene: Scene, joint: int, law: Law, slot: int) -> tuple[str, str, 
             f"{'no_load_torque' if motor else 'coulomb'}.{direction}",
             ("N m" if motor else effort),
         )
-    if slot in FALLS:
-        direction = "positive" if slot == FALL_FORWARD else "negative"
+    if slot in STRIBECK:
+        direction = "positive" if slot == STRIBECK_FORWARD else "negative"
         return section, f"coulomb.{direction}.static", effort
     if slot in SPEEDS:
         speed = unit_at(SPEED, "N m" if motor else effort)
         power = "" if law.exponent == 1.0 else f"^{law.exponent:g}"
         unit = f"{'N m' if motor else effort}/({speed}){power}"
         return section, "motor_viscous" if motor else "viscous", unit
-    if slot in (BEARING, FALL_LOAD):
+    if slot in (BEARING, STRIBECK_LOAD):
         return "friction", "mu" if slot == BEARING else "mu.static", ""
     if slot == INERTIA:
         return "transmission", "rotor_inertia", "kg m^2"
@@ -188,9 +190,9 @@ def parameters(
                 Parameter("transmission", name, key, "", value, low, high, error, not why, why)
             )
         if fitted[list(RESTS_ON)].any():  # of the speed the logarithm has a standard error
-            fall, unit = found.falls[j], unit_at(SPEED, effort_unit(found.scene, j))
-            assert fall is not None  # its law has one
-            v, (error, reach) = fall.velocity, known.of({j * K + FALL_SPEED: 1.0})
+            stribeck, unit = found.stribeck[j], unit_at(SPEED, effort_unit(found.scene, j))
+            assert stribeck is not None  # its law has one
+            v, (error, reach) = stribeck.velocity, known.of({j * K + STRIBECK_VELOCITY: 1.0})
             why = "its standard error exceeds half of it" if error > _VAGUE else ""
             low, high = (v * float(np.exp(np.clip(x, -700.0, 700.0))) for x in (-reach, reach))
             key = "stribeck.velocity"
@@ -247,7 +249,13 @@ def identified_scene(found: Estimate, static: Mapping[tuple[int, int], BreakAway
                     else {"ratio": 1.0}
                 )
                 kept = {key: value for key, value in kept.items() if key not in _LOSSES}
-                gear = Transmission.model_validate({**kept, **losses})
+                try:
+                    gear = Transmission.model_validate({**kept, **losses})
+                except ValidationError as problem:  # two losses that were asked for
+                    raise IdentificationError(
+                        f"{scene.source}: joint {name}: its logs ask for a gear that cannot be "
+                        f"({problem.errors()[0]['msg']}): take one loss, `both_ways`"
+                    ) from None
                 drive = drive.model_copy(update={"transmission": gear})
         actuators.append(drive)
     friction = {name: entry for name, entry in friction.items() if entry}
@@ -272,25 +280,28 @@ def _entries(
         if slot in COULOMB and dry:
             head, _, direction = key.partition(".")
             rest = float(fitted[slot]) + excess
-            rest += float(fitted[FALL_FORWARD if slot == FORWARD else FALL_BACKWARD])
+            rest += float(fitted[STRIBECK_FORWARD if slot == FORWARD else STRIBECK_BACKWARD])
             if (joint, slot) in static:
                 rest = max(rest if law.stribeck else float(fitted[slot]), static[joint, slot].mean)
             rest = _rounded(scene_value(law, slot, rest, ratio))
             target.setdefault(head, {})[direction] = {"static": rest, "kinetic": value}
         elif slot in SPEEDS and value:
             target[key] = {"coefficient": value, "exponent": law.exponent}
-        elif slot == BEARING and (value or fitted[FALL_LOAD]):
+        elif slot == BEARING and (value or fitted[STRIBECK_LOAD]):
             given = found.question.scene.friction.get(scene.joint_names[joint], NO_FRICTION)
             share = given.mu.static / given.mu.kinetic if given.mu and given.mu.kinetic else 1.0
-            rest = (1.0 if law.falls else share) * value + float(fitted[FALL_LOAD])
+            rest = (1.0 if law.stribeck_slots else share) * value + float(fitted[STRIBECK_LOAD])
             target["bearing"] = given.bearing or Gear(kind="gear")
             target["mu"] = {"static": _rounded(rest), "kinetic": value}
         elif value and slot not in RESTS_ON:
             target[key] = value
-    if fitted[list(law.falls)].any():
-        fall = found.falls[joint]
-        assert fall is not None  # its law has one
-        friction["stribeck"] = {"velocity": _rounded(fall.velocity), "exponent": fall.exponent}
+    if fitted[list(law.stribeck_slots)].any():
+        stribeck = found.stribeck[joint]
+        assert stribeck is not None  # its law has one
+        friction["stribeck"] = {
+            "velocity": _rounded(stribeck.velocity),
+            "exponent": stribeck.exponent,
+        }
     if law.load == "gear" and law.both_ways:
         gear["back_efficiency"] = "same_loss"
     # behind a gear whose losses grow with this friction, it is the joint's own

@@ -22,12 +22,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pinfric.identification.columns import FEWEST_ROWS, PASS, Prepared, Rows
-from pinfric.identification.laws import FALL_SPEED, RESTS_ON
+from pinfric.identification.laws import RESTS_ON, STRIBECK_VELOCITY
 from pinfric.identification.normal import orthonormal
 from pinfric.model.arrays import FloatArray
 from pinfric.motions.log.noise import low_pass
 
-#: Share of a residual's mean square that the fall must explain to be a candidate.
+#: Share of a residual's mean square that Stribeck friction must explain to be a candidate.
 _LEAST_GAIN = 0.04
 #: Speeds that are tried, from the slowest logged sliding to half the fastest.
 _TRIED = 12
@@ -42,15 +42,15 @@ _AROUND = 1.0
 
 
 @dataclass(frozen=True)
-class Fall:
-    """The fall of one joint's friction.
+class StribeckFit:
+    """How one joint's friction falls from rest to motion.
 
     Attributes:
         velocity: v_s, at which 1/e of the excess is left, rad/s or m/s.
         exponent: n.
         forward, backward, load: the excess at rest (N m or N, and of the load's coefficient) about
             which d/d(log v_s) is taken.
-        others: the best fall with each other exponent that is admitted.
+        others: the best fit with each other exponent that is admitted.
     """
 
     velocity: float
@@ -58,7 +58,7 @@ class Fall:
     forward: float
     backward: float
     load: float = 0.0
-    others: tuple[Fall, ...] = ()
+    others: tuple[StribeckFit, ...] = ()
 
     @property
     def excess(self) -> list[float]:
@@ -66,23 +66,23 @@ class Fall:
         return [self.forward, self.backward, self.load]
 
 
-def find_fall(
+def find_stribeck(
     prepared: Sequence[Prepared],
     joint: int,
     rows: Rows,
     weight: FloatArray,
     taken: Sequence[int],
     parts: Sequence[Sequence[int]],
-) -> Fall | None:
-    """Return the fall that explains most of a joint's effort; None where it explains too little.
+) -> StribeckFit | None:
+    """Return the fit that explains most of a joint's effort; None where it explains too little.
 
     Args:
         prepared: the logs.
         joint: which one.
         rows: of the joint.
         weight: (n,) of each row.
-        taken: places of the coefficients that the joint's law has without the fall.
-        parts: what may fall, of `FALLS` and `FALL_LOAD`: several choices.
+        taken: places of the coefficients that the joint's law has beside it.
+        parts: what may fall, of `STRIBECK` and `STRIBECK_LOAD`: several choices.
     """
     from scipy.optimize import minimize_scalar
 
@@ -113,7 +113,7 @@ def find_fall(
     load = np.concatenate([one.bearing[one.kept[one.slides[:, joint]], joint] for one in prepared])
     low, high = np.log(np.quantile(speed, (0.01, 0.98)) * (1.0, 0.5))
     tried = np.linspace(low, high, _TRIED)
-    found: list[tuple[float, Fall, FloatArray]] = []
+    found: list[tuple[float, StribeckFit, FloatArray]] = []
     for n in _EXPONENTS:
         # first without the low pass, which changes little away from rest
         gains = [fitted(_ways(rows.velocity, load, float(np.exp(x)), n))[0] for x in tried]
@@ -130,58 +130,61 @@ def find_fall(
         velocity = float(np.exp(searched.x))
         gain, values, fit = fitted(_passed(prepared, joint, velocity, n))
         if gain > 0.0:
-            found.append((gain, Fall(velocity, n, *values.tolist()), fit))
+            found.append((gain, StribeckFit(velocity, n, *values.tolist()), fit))
     if not found:
         return None
-    gain, fall, best = max(found, key=lambda one: one[0])
+    gain, stribeck, best = max(found, key=lambda one: one[0])
     admitted = []
     for own, other, fit in found:
         apart = fit - best
         scores = np.bincount(rows.block, apart * (rest - best))
         if (gain - own) * float(apart @ apart) <= _REJECTED**2 * float(scores @ scores):
             admitted.append(other)
-    return replace(fall, others=tuple(one for one in admitted if one is not fall))
+    return replace(stribeck, others=tuple(one for one in admitted if one is not stribeck))
 
 
-def beside_other(prepared: Sequence[Prepared], joint: int, fall: Fall, other: Fall) -> FloatArray:
-    """Return (n,) by how much more friction another fall is, of a joint's rows.
+def beside_other(
+    prepared: Sequence[Prepared], joint: int, stribeck: StribeckFit, other: StribeckFit
+) -> FloatArray:
+    """Return (n,) by how much more friction another fit is, of a joint's rows.
 
     Args:
         prepared: the logs.
         joint: which one.
-        fall: of its friction.
+        stribeck: of its friction.
         other: with another exponent.
     """
     now, then = (
-        _passed(prepared, joint, one.velocity, one.exponent) @ one.excess for one in (fall, other)
+        _passed(prepared, joint, one.velocity, one.exponent) @ one.excess
+        for one in (stribeck, other)
     )
     return np.asarray(then - now)
 
 
-def with_falls(prepared: Prepared, falls: tuple[Fall | None, ...]) -> Prepared:
-    """Return a log's columns with those of falling friction.
+def with_stribeck(prepared: Prepared, fits: tuple[StribeckFit | None, ...]) -> Prepared:
+    """Return a log's columns with those of Stribeck friction.
 
     Args:
         prepared: one log.
-        falls: of each joint.
+        fits: of each joint.
     """
     recording, slots = prepared.recording, prepared.slots.copy()
-    at = [*_PARTS, FALL_SPEED]
-    for j, fall in enumerate(falls):
-        if fall is None:
+    at = [*_PARTS, STRIBECK_VELOCITY]
+    for j, stribeck in enumerate(fits):
+        if stribeck is None:
             slots[:, j, at] = 0.0
             continue
         v = recording.velocity[:, j]
-        n = fall.exponent
-        ways = _ways(v, prepared.bearing[:, j], fall.velocity, n)
-        slope = n * np.abs(v / fall.velocity) ** n * (ways @ fall.excess)
+        n = stribeck.exponent
+        ways = _ways(v, prepared.bearing[:, j], stribeck.velocity, n)
+        slope = n * np.abs(v / stribeck.velocity) ** n * (ways @ stribeck.excess)
         slots[:, j, at] = _low_passed(prepared, np.column_stack((ways, slope)))
     return replace(prepared, slots=slots)
 
 
 def _ways(v: FloatArray, load: FloatArray, velocity: float, exponent: float) -> FloatArray:
     """Columns (n, 3) of what is left of the excess: forward, backward, of the load's."""
-    left = falling(v, velocity, exponent)
+    left = stribeck_decay(v, velocity, exponent)
     return np.column_stack((left * (v > 0.0), -left * (v < 0.0), left * load * np.sign(v)))
 
 
@@ -207,7 +210,7 @@ def _low_passed(prepared: Prepared, columns: FloatArray) -> FloatArray:
     return np.asarray(columns[prepared.kept])
 
 
-def falling(v: FloatArray, velocity: float, exponent: float) -> FloatArray:
+def stribeck_decay(v: FloatArray, velocity: float, exponent: float) -> FloatArray:
     """Return exp(-(|v|/v_s)^n), what is left of the excess at rest.
 
     Args:

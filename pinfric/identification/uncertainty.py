@@ -24,28 +24,28 @@ from pinfric.identification.laws import (
     BEARING,
     COULOMB,
     DIRECTIONS,
-    FALL_BACKWARD,
-    FALL_FORWARD,
-    FALL_LOAD,
-    FALL_SPEED,
     FORWARD,
     GEARS,
     INERTIA,
     RESTS_ON,
     SLOTS,
     SPEEDS,
+    STRIBECK_BACKWARD,
+    STRIBECK_FORWARD,
+    STRIBECK_LOAD,
+    STRIBECK_VELOCITY,
     K,
     Law,
 )
 from pinfric.identification.misfit import UNEVEN, Misfit, uneven
 from pinfric.identification.normal import FrictionNormalEquations, above_zero, residuals
-from pinfric.identification.stribeck import beside_other, falling
+from pinfric.identification.stribeck import beside_other, stribeck_decay
 from pinfric.model.arrays import FloatArray, IntArray
 
 #: Share of a standard deviation by which a link's parameter is changed to see what its load does.
 _STEP = 0.1
 #: Columns of the friction that passes a gear between it and the motor.
-_INNER = (FORWARD, BACKWARD, *SPEEDS, *RESTS_ON, FALL_SPEED)
+_INNER = (FORWARD, BACKWARD, *SPEEDS, *RESTS_ON, STRIBECK_VELOCITY)
 #: Regularization where shapes are nearly the same.
 _RIDGE = 1e-9
 #: Reaches of its 95 % interval by which a difference between directions must be large to be named.
@@ -149,7 +149,7 @@ def uncertainty(found: Estimate, shapes: Sequence[Misfit] = ()) -> Uncertainty:
     seen = [replace(one, columns=one.columns[:, : one.shown]) for one in shapes]
     of_joints = [[one for one in seen if one.joint == j] for j in {one.joint for one in shapes}]
     biases = [bias(found, own, place) for own in of_joints]
-    for off in (*biases, *_other_falls(found, place), *_other_loads(found, place)):
+    for off in (*biases, *_other_exponents(found, place), *_other_loads(found, place)):
         within += np.outer(off, off)
     between, logs = for_a_further_log(found, place)
     known = Uncertainty(place, within, between, count - 1, logs, between_logs(found))
@@ -225,30 +225,30 @@ def _solved(left: FloatArray, right: FloatArray) -> FloatArray:
     return np.asarray(np.linalg.solve(scaled, right / size) / size)
 
 
-def _other_falls(found: Estimate, place: IntArray) -> Iterator[FloatArray]:
+def _other_exponents(found: Estimate, place: IntArray) -> Iterator[FloatArray]:
     """Yield (n,) the changes of the coefficients with each other exponent that is admitted.
 
     Where that one is right they are the error, so its square adds to the variance.
     """
     p = found.fit.theta.size
     every = [
-        (j, fall, other)
-        for j, fall in enumerate(found.falls)
-        if fall is not None and found.choice.laws[j].falls
-        for other in fall.others
+        (j, stribeck, other)
+        for j, stribeck in enumerate(found.stribeck)
+        if stribeck is not None and found.choice.laws[j].stribeck_slots
+        for other in stribeck.others
     ]
-    for j, fall, other in every:
+    for j, stribeck, other in every:
         direct = {
-            FALL_FORWARD: other.forward - fall.forward,
-            FALL_BACKWARD: other.backward - fall.backward,
-            FALL_LOAD: other.load - fall.load,
-            FALL_SPEED: float(np.log(other.velocity / fall.velocity)),
+            STRIBECK_FORWARD: other.forward - stribeck.forward,
+            STRIBECK_BACKWARD: other.backward - stribeck.backward,
+            STRIBECK_LOAD: other.load - stribeck.load,
+            STRIBECK_VELOCITY: float(np.log(other.velocity / stribeck.velocity)),
         }
         own = [j * K + slot for slot in direct]
         rest, off = place[~np.isin(place, own)], np.zeros(place.size)
         to, columns = of_joint(rest, j, p)
         rows, right = found.rows[j], np.zeros(p + rest.size)
-        more = beside_other(found.prepared, j, fall, other)[:, None] * _row_weights(found, j)
+        more = beside_other(found.prepared, j, stribeck, other)[:, None] * _row_weights(found, j)
         right[to] = -(rows.columns[:, columns].T @ more)[:, 0]
         left = _left(found, rest)
         if found.problem.prior.kept:
@@ -307,10 +307,12 @@ def for_a_further_log(found: Estimate, place: IntArray) -> tuple[FloatArray, int
 
 
 def _uncertain(found: Estimate) -> IntArray:
-    """Places among (nj K,) of coefficients above zero and of the speeds of falling friction."""
+    """Places among (nj K,) of coefficients above zero and of the speeds of Stribeck friction."""
     place = above_zero(found.fit, found.problem.slots(found.choice.laws))
-    falls = [j * K + FALL_SPEED for j in found.known if found.fit.slots[j, list(RESTS_ON)].any()]
-    return np.sort(np.append(place, np.array(falls, dtype=np.int64)))
+    velocities = [
+        j * K + STRIBECK_VELOCITY for j in found.known if found.fit.slots[j, list(RESTS_ON)].any()
+    ]
+    return np.sort(np.append(place, np.array(velocities, dtype=np.int64)))
 
 
 def _feedback(found: Estimate, place: IntArray) -> FloatArray:
@@ -338,11 +340,11 @@ def _load_slopes(found: Estimate, joint: int, slot: int) -> FloatArray | None:
     none = np.zeros_like(rows.slots)
     if found.question.no_gravity:  # then loads are the URDF's
         return None
-    if slot == FALL_LOAD:
-        fall, whole = found.falls[joint], _load_slopes(found, joint, BEARING)
-        assert fall is not None  # its law has one
+    if slot == STRIBECK_LOAD:
+        stribeck, whole = found.stribeck[joint], _load_slopes(found, joint, BEARING)
+        assert stribeck is not None  # its law has one
         assert whole is not None  # loads are found here
-        return whole * falling(rows.velocity, fall.velocity, fall.exponent)[:, None]
+        return whole * stribeck_decay(rows.velocity, stribeck.velocity, stribeck.exponent)[:, None]
     if slot == BEARING:
         entry = found.scene.friction.get(found.scene.joint_names[joint])
         if entry is None or entry.bearing is None:  # the load is that of the gear

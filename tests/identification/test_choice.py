@@ -108,7 +108,7 @@ def test_friction_that_falls_with_speed_under_load_and_not_without_is_found(n):
     noise = 0.05 * np.random.default_rng(2).normal(size=t.size)
     given = pf.Log(t, q[:, None], (effort + noise)[:, None])
     found = pf.identify(one_joint(), given, inertia="keep")
-    assert found.laws["arm"] == Law(exponent=None, load="bearing", load_falls=True)
+    assert found.laws["arm"] == Law(exponent=None, load="bearing", load_stribeck=True)
     assert found.doubts == ()
     true = {"mu": moving, "mu.static": rest, "stribeck.velocity": falls}
     true |= {"coulomb.positive": dry, "coulomb.negative": dry}

@@ -38,7 +38,15 @@ from pinfric.identification.columns import joint_rows, with_loads
 from pinfric.identification.estimate import _at_an_end, _doubt
 from pinfric.identification.files import posterior_text
 from pinfric.identification.findings import HeldOut
-from pinfric.identification.laws import BACKWARD, FALL_SPEED, FALLS, FORWARD, GEARS, SLOTS, Law
+from pinfric.identification.laws import (
+    BACKWARD,
+    FORWARD,
+    GEARS,
+    SLOTS,
+    STRIBECK,
+    STRIBECK_VELOCITY,
+    Law,
+)
 from pinfric.identification.normal import (
     BlockProducts,
     Normal,
@@ -47,7 +55,7 @@ from pinfric.identification.normal import (
     weighted,
 )
 from pinfric.identification.parameters import _entries, _rest_excess, parameters, scene_key
-from pinfric.identification.stribeck import Fall, with_falls
+from pinfric.identification.stribeck import StribeckFit, with_stribeck
 from pinfric.identification.uncertainty import Uncertainty
 
 # Advice: the advised next recording does what was promised.
@@ -161,7 +169,10 @@ def test_laws_are_trusted_by_the_squares_of_all_rows():
 
 
 def test_of_two_losses_one_that_is_zero_is_the_end_of_the_masses_scale(found):
-    """Masses larger by 1/eta leave a gear without loss driving: then one loss is taken."""
+    """Masses larger by 1/eta leave a gear without loss driving: then one loss is taken.
+
+    So it is where no gear has both, eta_b <= -1/eta.
+    """
     one, two = Law(load="gear"), Law(load="gear", both_ways=False)
     driving, driven = GEARS["joint", "driving"], GEARS["joint", "driven"]
     slots = np.zeros((4, len(SLOTS)))
@@ -169,7 +180,11 @@ def test_of_two_losses_one_that_is_zero_is_the_end_of_the_masses_scale(found):
     choice = replace(found.estimate.choice, laws=(two, two, two, one))
     problem = replace(found.estimate.problem, laws=((one, two), (one, two), (two,), (one, two)))
     fit = replace(found.estimate.fit, slots=slots)
-    assert _at_an_end(problem, choice, fit) == [0]  # the third was asked for
+    assert _at_an_end(problem, choice, fit, scale=False) == [0]  # the third was asked for
+    assert _at_an_end(problem, choice, fit, scale=True) == []
+    for loss, ends in ((2.04, []), (2.06, [1])):  # 1/eta = 1.05
+        slots[1, driven] = loss
+        assert _at_an_end(problem, choice, fit, scale=True) == ends
 
 
 # Findings: errors of joints; what is found of friction behind a drive belongs to that drive.
@@ -368,12 +383,12 @@ def test_the_slope_of_a_fall_is_its_change_with_the_logarithm_of_its_speed(expon
         left = np.exp(-(np.abs(v / (speed * np.exp(x))) ** exponent))
         return left * np.where(v > 0.0, 3.0, -2.0)
 
-    (columns,) = with_falls(prepared_of(v, {}), (Fall(speed, exponent, 3.0, 2.0),)).slots.swapaxes(
-        0, 1
-    )
+    (columns,) = with_stribeck(
+        prepared_of(v, {}), (StribeckFit(speed, exponent, 3.0, 2.0),)
+    ).slots.swapaxes(0, 1)
     expected = (falls(size) - falls(-size)) / (2.0 * size)
-    assert columns[:, FALL_SPEED] == pytest.approx(expected, abs=1e-8)
-    assert columns[:, FALLS] @ [3.0, 2.0] == pytest.approx(falls(0.0))
+    assert columns[:, STRIBECK_VELOCITY] == pytest.approx(expected, abs=1e-8)
+    assert columns[:, STRIBECK] @ [3.0, 2.0] == pytest.approx(falls(0.0))
 
 
 @pytest.mark.slow

@@ -33,13 +33,21 @@ from identify_cases import (
 import pinfric as pf
 from pinfric.identification.choice import Problem
 from pinfric.identification.files import scene_text
-from pinfric.identification.laws import BACKWARD, FALL_SPEED, FALLS, FORWARD, GEARS, SLOTS, Law
+from pinfric.identification.laws import (
+    BACKWARD,
+    FORWARD,
+    GEARS,
+    SLOTS,
+    STRIBECK,
+    STRIBECK_VELOCITY,
+    Law,
+)
 from pinfric.identification.misfit import Misfit
 from pinfric.identification.normal import BlockProducts, FrictionNormalEquations, Prior
-from pinfric.identification.stribeck import Fall, with_falls
+from pinfric.identification.stribeck import StribeckFit, with_stribeck
 from pinfric.identification.uncertainty import (
     Uncertainty,
-    _other_falls,
+    _other_exponents,
     between_logs,
     bias,
     for_a_further_log,
@@ -213,22 +221,22 @@ def test_draws_scatter_by_both_covariances_and_by_their_few_samples():
 
 def test_another_exponent_changes_the_coefficients_as_a_fit_beside_that_fall():
     v = np.linspace(-1.0, 1.0, 80)
-    fall, other = Fall(0.2, 1.0, 3.0, 2.0), Fall(0.3, 2.0, 2.0, 1.5)
+    fall, other = StribeckFit(0.2, 1.0, 3.0, 2.0), StribeckFit(0.3, 2.0, 2.0, 1.5)
     columns = {FORWARD: 1.0 * (v > 0.0), BACKWARD: -1.0 * (v < 0.0), 3: v}
-    given = with_falls(prepared_of(v, columns), (fall,))
+    given = with_stribeck(prepared_of(v, columns), (fall,))
     rows, rest = rows_of(5.0 * v, dict(enumerate(given.slots[:, 0].T))), [FORWARD, BACKWARD, 3]
     weight = np.random.default_rng(0).uniform(0.1, 1.0, v.size)
 
-    def beside(one: Fall) -> np.ndarray:
+    def beside(one: StribeckFit) -> np.ndarray:
         """Least squares of the others, this fall taken as known."""
         left = np.exp(-(np.abs(v / one.velocity) ** one.exponent))
         y = rows.effort - left * np.where(v > 0.0, one.forward, -one.backward)
         root = np.sqrt(weight)
         return np.linalg.lstsq(rows.slots[:, rest] * root[:, None], y * root)[0]
 
-    place = np.sort([*rest, *FALLS, FALL_SPEED])
+    place = np.sort([*rest, *STRIBECK, STRIBECK_VELOCITY])
     found = SimpleNamespace(
-        falls=[replace(fall, others=(other,))],
+        stribeck=[replace(fall, others=(other,))],
         choice=SimpleNamespace(laws=[Law(stribeck=True)]),
         prepared=[given],
         rows=[rows],
@@ -243,7 +251,7 @@ def test_another_exponent_changes_the_coefficients_as_a_fit_beside_that_fall():
             rotor=False,
         ),
     )
-    (off,) = _other_falls(found, place)
+    (off,) = _other_exponents(found, place)
     expected = dict(zip(rest, beside(other) - beside(fall), strict=True))
-    expected |= dict(zip([*FALLS, FALL_SPEED], [-1.0, -0.5, np.log(1.5)], strict=True))
+    expected |= dict(zip([*STRIBECK, STRIBECK_VELOCITY], [-1.0, -0.5, np.log(1.5)], strict=True))
     assert off == pytest.approx([expected[slot] for slot in place], rel=1e-5)

@@ -34,7 +34,7 @@ from pinfric.motions.log.rows import check_times, gap_problems, mended_effort, o
 from pinfric.motions.log.units import (
     angle_unit,
     fast_angles,
-    frozen_angles,
+    impossible_motions,
     is_clock,
     slow_angles,
     time_factor,
@@ -187,7 +187,7 @@ def _to_si(
     taken = slice(None) if kept.size == t.size else kept
     lines = [cells.lines[i] for i in kept] if kept.size < len(cells.lines) else cells.lines
     t, position = t[kept], position[taken]
-    # 4. what contradicts the units, turns, frozen encoders
+    # 4. what contradicts the units, turns, motions that cannot be
     planned = found.planned and bool(found.velocity)
     if not planned and set(factors) == {1.0}:
         said.ask(fast_angles, named, t, position, known, options.unit)
@@ -195,7 +195,7 @@ def _to_si(
         said.ask(slow_angles, named, t, position, factors)
     position = unwrapped(named, position, said.notes)
     if not planned:
-        said.ask(frozen_angles, named, t, position, lines)
+        said.ask(impossible_motions, named, t, position, lines)
     # 5. all else in the rows
     velocity, acceleration = (
         _quantity(cells, part, named, _own_units(part, named, factors, options.unit))[taken]

@@ -30,6 +30,8 @@ _CRAWL = 0.02
 #: Rows for which a frozen encoder stands still; 1/s: no joint stops in less than 1/15 s from its
 #: velocity limit, nor in a like time from less.
 _FROZEN, _STOPPING = 10, 15.0
+#: Times the way that one row of a hundred exceeds, a jump is.
+_JUMP = 5.0
 #: Parts over which ways and integrals of velocities are compared: how many, fewest, s of each at
 #: most, fewest rows of each. A lag or a low pass of velocities hardly shows over a second.
 _PARTS, _FEWEST_PARTS, _LONGEST_PART, _FEWEST_ROWS = 40, 10, 1.0, 5
@@ -238,12 +240,13 @@ def slow_angles(
     ]
 
 
-def frozen_angles(
+def impossible_motions(
     columns: Sequence[JointColumn], t: FloatArray, position: FloatArray, lines: Sequence[int]
 ) -> list[str]:
-    """Return a line for each joint whose angle stands still as no joint can.
+    """Return a line for each joint that stands still or jumps as no joint can.
 
-    It stops from full motion within a row, or leaps afterwards to where the joint is.
+    A frozen one stops from full motion within a row, or leaps afterwards to where the joint is. A
+    jump is too fast for the time since the joint last moved, and far longer than other ways.
 
     Args:
         columns: (nj,) the joints.
@@ -256,7 +259,8 @@ def frozen_angles(
         return []
     longest = np.maximum(steps, np.median(steps))
     for column, q in zip(columns, position.T, strict=True):
-        speed = np.abs(np.diff(q)) / longest
+        ways = np.abs(np.diff(q))
+        speed = ways / longest
         limit = column.velocity_limit if np.isfinite(column.velocity_limit) else _FASTEST_JOINT
         for first, last in runs(speed == 0.0):
             if last - first + 1 < _FROZEN:
@@ -278,6 +282,17 @@ def frozen_angles(
                     "that time out, and split the log there"
                 )
                 break
+        else:
+            moved = np.flatnonzero(ways)
+            since = np.diff(t[moved + 1], prepend=t[0] - longest[0])
+            far = ways[moved] > _TOO_FAST * limit * np.maximum(since, longest[moved])
+            far &= far.any() and ways[moved] > _JUMP * np.quantile(ways[moved], 0.99)
+            for k in moved[far][:1].tolist():
+                found.append(
+                    f"joint {column.name}: it jumps by {ways[k]:.3g} {column.unit} in line "
+                    f"{lines[k + 1]}, at {t[k + 1]:.6g} s, which no joint can: rows are missing "
+                    "there, or its encoder slipped; leave out what is wrong, or split the log there"
+                )
     return found
 
 

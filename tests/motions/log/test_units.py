@@ -185,6 +185,17 @@ def test_a_frozen_encoder_is_named_by_its_stop_from_full_motion(tmp_path):
     assert f"within a row, line {at + 3}" in said
 
 
+@pytest.mark.parametrize("held", [1, 5])
+def test_rows_that_were_cut_out_are_named_by_the_jump(held, tmp_path):
+    t = np.arange(4000) / 200.0
+    q = swung(t)[np.arange(4000) // held * held]  # of a source that is as slow as that
+    load(tmp_path, table(("t", *NAMES), t, q))
+    kept = np.delete(np.arange(4000), np.arange(1000, 1300))
+    said = refused(tmp_path, table(("t", *NAMES), t[: kept.size], q[kept]))
+    way = abs(q[1300, 0] - q[999, 0])
+    assert f"joint base_turn: it jumps by {way:.3g} rad in line 1002, at 5 s, which no" in said
+
+
 def test_the_last_digit_of_degrees_is_one_of_radians(tmp_path):
     path = tmp_path / "log.csv"
     path.write_text(table(("t", *NAMES), T, np.degrees(Q), form="%.3f"))
