@@ -619,15 +619,16 @@ class DriveSearch:
         """(n, nm) bounds of the shares of pull-out torques that samples take; NaN: no stepper."""
         found = np.full(ends[0][0].shape, np.nan)
         bus, slow = self.case.conditions.bus_voltage, self.case.cycle.stick_velocity
+        half, speed = (np.stack([np.abs(end[k][:, 0]) for end in ends]) for k in (1, 2))
         for m, motor in enumerate(block.motors):
             if (stepper := motor.stepper) is None:
                 continue
             held = stepper.standstill_current * stepper.holding_torque
-            for middle, half, speed in ends:
-                most = pull_out_torque(stepper, speed[:, 0], bus)
-                most = np.where(np.abs(speed[:, 0]) <= 1e3 * slow, np.maximum(most, held), most)
-                share = (np.abs(middle[:, m]) + half[:, 0]) * (1 - 1e-9) / np.maximum(most, 1e-300)
-                found[:, m] = np.fmax(found[:, m], np.minimum(share, 1e9))
+            most = pull_out_torque(stepper, speed, bus)
+            most = np.where(speed <= 1e3 * slow, np.maximum(most, held), most)
+            middle = np.stack([np.abs(end[0][:, m]) for end in ends])
+            share = (middle + half) * (1 - 1e-9) / np.maximum(most, 1e-300)
+            found[:, m] = np.fmax.reduce(np.minimum(share, 1e9))
         return found
 
     def _bounds(
@@ -803,21 +804,16 @@ class DriveSearch:
         """
         found: dict[str, Ask] = {}
         for b, block in enumerate(self.shelf.blocks):
-            for g, name in enumerate(block.names):
-                figures = self.gear_lacks(block, g)
-                if not figures or self.gear_margins[b][g] < 0:
-                    continue
-                bare = replace(block.bare(g), **self.parts.own)
-                if self._of_entry(bare) < 0:
-                    continue
-                least, masses = (x[0] for x in self.margins(b, np.array([g])))  # NaN: not known
-                might = block.fits[g] & block.signable & ~(least < 0) & ~(masses >= below)
-                if not might.any():
-                    continue
-                known = masses[might & np.isfinite(masses)]
-                mass = float(known.min()) if len(known) else None
-                kind = getattr(block.entries[g], "kind", "")
-                found.setdefault(name, Ask(name, figures, mass, block.entries[g].source, kind))
+            might_do = np.flatnonzero(self.gear_margins[b] >= 0)
+            for gears, least, masses in self._bounds(b, np.setdiff1d(might_do, self._complete[b])):
+                might = block.fits[gears] & block.signable  # NaN: not known
+                might &= ~(least < 0) & ~(masses >= below)
+                lightest = np.where(might & np.isfinite(masses), masses, np.inf).min(axis=1)
+                for k in np.flatnonzero(might.any(axis=1)).tolist():
+                    name, entry = block.names[gears[k]], block.entries[gears[k]]
+                    mass = float(lightest[k]) if np.isfinite(lightest[k]) else None
+                    figures, kind = self.gear_lacks(block, gears[k]), getattr(entry, "kind", "")
+                    found.setdefault(name, Ask(name, figures, mass, entry.source, kind))
             if block.at_output:
                 continue
             known, might = self._complete[b], np.zeros(len(block.motor_lacks), dtype=bool)
