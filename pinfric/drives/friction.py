@@ -8,6 +8,7 @@ from dataclasses import replace
 from pinfric.model.bearings import Gear
 from pinfric.model.friction_terms import DirectedCoulombFriction
 from pinfric.model.scene import Scene
+from pinfric.model.schema import guesses_left
 
 
 def drive_friction(scene: Scene) -> dict[str, dict[str, str]]:
@@ -41,7 +42,8 @@ def without_drives(scene: Scene, names: Collection[str]) -> Scene:
     """Return the scene with no losses of the named drives in their joints' friction.
 
     Args:
-        scene: where `drive_friction` says of friction that it is the drives', it becomes 0.
+        scene: where `drive_friction` says of friction that it is the drives', it becomes 0, and
+            is no guess any more.
         names: of the drives that others replace.
     """
     sites = sites_of(scene, names)
@@ -52,7 +54,11 @@ def without_drives(scene: Scene, names: Collection[str]) -> Scene:
         for name, keys in drive_friction(scene).items()
         if name in sites
     }
-    return replace(scene, friction={**scene.friction, **changed}) if changed else scene
+    if not changed:
+        return scene
+    friction = {**scene.friction, **changed}
+    left = scene.assumed and guesses_left(scene.assumed, scene.friction, friction)
+    return replace(scene, friction=friction, assumed=left)
 
 
 def sites_of(scene: Scene, names: Collection[str]) -> set[str]:

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pinfric.drives.friction import drive_friction
 from pinfric.model.robot import locator
 from pinfric.model.scene_text import robot_with_bodies, scene_content
 from pinfric.model.yamlfile import yaml_text
 
 if TYPE_CHECKING:  # a command asks for the names before it imports what takes time
-    from pinfric.model.scene import Scene
     from pinfric.sizing.size import SizingReport
 
 #: What `size --out` writes where drives are chosen: parts, scene, robot, limits of the motors.
@@ -51,20 +48,8 @@ def sized_files(report: SizingReport, folder: Path) -> dict[str, str]:
                 report.given.model.inertias, report.scene.model.inertias, strict=True
             )
         )
-        sized = _without_replaced_guesses(report.scene)
-        content = scene_content(sized, robot, folder, _ROBOT if heavier else "")
+        content = scene_content(report.scene, robot, folder, _ROBOT if heavier else "")
         texts[_SCENE] = by + yaml_text(content)
         if heavier:
             texts[_ROBOT] = robot_with_bodies(robot, report.scene.model)
     return texts
-
-
-def _without_replaced_guesses(scene: Scene) -> Scene:
-    """Return the scene whose `assumed` holds no friction that the chosen drives replace."""
-    if scene.assumed is None:
-        return scene
-    gone = {f"friction.{n}.{key}" for n, keys in drive_friction(scene).items() for key in keys}
-    left = {place: why for place, why in scene.assumed.values.items() if place not in gone}
-    return replace(
-        scene, assumed=scene.assumed.model_copy(update={"values": left}) if left else None
-    )

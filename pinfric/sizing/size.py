@@ -237,7 +237,7 @@ class SizingReport(Shown):
         trajectory: source of the motion. files: scene, URDF, cycles and catalogue.
         catalog, conditions: the catalogue and the conditions; catalog None: demand only.
         joints: in the order of the scene's drives.
-        result, result_without_masses: inverse dynamics of `scene` and of `given`.
+        result, result_without_masses: inverse dynamics of `scene`, and without the drives' masses.
         duty: the samples of each cycle of the period, and the number of its runs.
         passes: over all joints until no choice changed. settled: no choice changed in the last.
         other_mass: where the scene does not say whether its links hold the drives: mass of the
@@ -515,7 +515,7 @@ class _Sizing:
         else:
             self.motion = trajectory
         every = [drive.name for drive in scene.drives] if catalog is not None else ()
-        self.scene, self.catalog = without_drives(scene, every), catalog
+        self.given, self.scene, self.catalog = scene, without_drives(scene, every), catalog
         self.conditions, self.progress = conditions, progress
         self.robot = DrivenRobot(self.scene, self.motion, duty, conditions, self.rating)
         #: By how they are mounted: the scene's own "", then those that `mounting: any` asks for.
@@ -576,8 +576,9 @@ class _Sizing:
             (taken, passes, settled), contradiction = light
         elif contradiction:
             mass = _mass(taken)
-            self.scene, self.banned = replace(self.scene, masses="without_drives"), {}
-            self.stop_effort = {}
+            self.given = replace(self.given, masses="without_drives")
+            self.scene = replace(self.scene, masses="without_drives")
+            self.banned, self.stop_effort = {}, {}
             taken, passes, settled = self._bearing_stops()
             contradiction += f"; {mass:.2f} kg of drives so, {_mass(taken):.2f} kg where added"
         for again in range(_STOPPED_AGAIN + 1):
@@ -605,7 +606,7 @@ class _Sizing:
         source = str(getattr(self.motion, "source", "motion"))
         return SizingReport(
             scene=equipped,
-            given=self.scene,
+            given=self.given,
             catalog=self.catalog,
             conditions=self.conditions,
             trajectory=source if rating is None else rating.source,
@@ -617,7 +618,7 @@ class _Sizing:
             passes=passes,
             settled=settled,
             assumptions=caveats(
-                self.scene,
+                self.given,
                 self.catalog,
                 gaps,
                 discontinuities(without, self.duty) if cycles else (),

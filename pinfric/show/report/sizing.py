@@ -236,8 +236,8 @@ def verdict(report: SizingReport) -> str:
     parts = [report.verdict.headline, f"{unchecked} not checked"]
     if nearest:
         parts.append(f"{', '.join(nearest)}: computed with the closest candidate")
-    if report.scene.assumed is not None:
-        parts.append(f"{len(report.scene.assumed.values)} entries of the scene are guesses")
+    if report.given.assumed is not None:
+        parts.append(f"{len(report.given.assumed.values)} entries of the scene are guesses")
     return "; ".join([*parts, passes(report)])
 
 
