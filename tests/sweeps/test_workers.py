@@ -233,7 +233,7 @@ def test_classes_and_limits_of_a_script_reach_the_processes(tmp_path):
         from typing import Literal
         sys.path.insert(0, {HELPERS!r})
         from pathlib import Path
-        import numpy as np
+        from numpy.testing import assert_array_equal
         import pinfric as pf
         from pinfric.drives.limit import Limit
         from pinfric.drives.limits import add_limit
