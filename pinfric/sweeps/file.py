@@ -147,11 +147,11 @@ class SweepFile(Entry):
             raise ValueError(
                 f"`samples` is missing: number of samples of the {self.sampling} design"
             )
-        elif self.sampling == "sobol" and self.samples & (self.samples - 1):
-            near = 2 ** round(math.log2(self.samples))
+        elif self.sampling == "sobol" and (self.samples == 1 or self.samples.bit_count() > 1):
+            near = max(2, 2 ** round(math.log2(self.samples)))
             raise ValueError(
-                f"samples: {self.samples} is not a power of two, which Sobol's sequence needs; "
-                f"take {near}"
+                f"samples: {self.samples} is not a power of two from 2 on, which Sobol's sequence "
+                f"needs; take {near}"
             )
         return self
 

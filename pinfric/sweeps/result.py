@@ -263,39 +263,39 @@ class SweepResult(Shown):
     def sobol(self, name: str) -> tuple[SobolIndices, ...] | None:
         """Return the shares of a figure's variance by drive; None unless sampled for it.
 
-        SciPy's `sobol_indices` (Saltelli 2010, Jansen 1999). NaN for a figure that does not vary,
-        and for all where a sample has no solution: the design needs every one.
+        Of A, B and A with one column of B, by the mean over rows and the variance V of A and B:
+        first = <f_B (f_AB - f_A)>/V, total = <(f_A - f_AB)^2>/(2 V). NaN for a figure that does
+        not vary, and for all where a sample has no solution: the design needs every one.
+
+        Source: Saltelli et al. (2010), Computer Physics Communications 181, 259-270, table 2 b, f.
         """
         if self.sampling != "sobol":
             return None
         return tuple(self._sobol(self.figure(name)[:, i]) for i in range(len(self.actuator_names)))
 
     def _sobol(self, y: np.ndarray) -> SobolIndices:
-        from scipy.stats import sobol_indices
+        from scipy.stats import bootstrap
 
         d = len(self.parameter_names)
         n = self.samples // (d + 2)
-        parts = y.reshape(d + 2, 1, n)
         varies = np.isfinite(y).all() and np.ptp(y) > 1e-12 * np.abs(y).max()
-        if not varies or d == 1:  # SciPy fails; one parameter has all of the variance
+        if not varies or d == 1:  # one parameter has all of the variance
             return SobolIndices(*[np.full(d, 1.0 if varies else np.nan)] * 6)
-        # the mean is taken off: the estimators of the first order lose digits to it
-        parts = parts - parts.mean()
-        indices = sobol_indices(
-            func={"f_A": parts[0], "f_B": parts[1], "f_AB": parts[2:]},
-            n=n,
-            **seeded(sobol_indices, "random_state", self.seed),
-        )
+        f = y.reshape(d + 2, n)
+        f = f - f[:2].mean()  # the estimators of the first order lose digits to the mean
+
+        def shares(rows: np.ndarray) -> np.ndarray:
+            A, B, AB = f[0, rows], f[1, rows], f[2:, rows]
+            parts = (B * (AB - A)).mean(axis=1), ((A - AB) ** 2).mean(axis=1) / 2
+            return np.array(parts) / f[:2, rows].var()
+
+        rows, seed = np.arange(n), seeded(bootstrap, "random_state", self.seed)
         with np.errstate(all="ignore"), warnings.catch_warnings():
             warnings.simplefilter("ignore")  # a parameter without any influence: no spread
-            spread = indices.bootstrap(n_resamples=_RESAMPLES)
-        middles = indices.first_order.reshape(d), indices.total_order.reshape(d)
-        ends = [
-            np.where(np.isnan(end.reshape(d)), middle, end.reshape(d))
-            for middle, order in zip(middles, (spread.first_order, spread.total_order), strict=True)
-            for end in (order.confidence_interval.low, order.confidence_interval.high)
-        ]
-        return SobolIndices(*middles, *ends)
+            spread = bootstrap((rows,), shares, n_resamples=_RESAMPLES, vectorized=False, **seed)
+        indices = first, total = shares(rows)
+        low, high = (np.where(np.isnan(end), indices, end) for end in spread.confidence_interval)
+        return SobolIndices(first, total, low[0], high[0], low[1], high[1])
 
     def to_dataframe(self) -> pd.DataFrame:
         """Return a row a sample: `sample`, the parameters, `<drive>.<figure>`, what failed.

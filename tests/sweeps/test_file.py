@@ -116,7 +116,8 @@ samples: true                        `samples`
 samples: null                        `samples` is missing
 seed: -1                             `seed`
 sampling: montecarlo                 `sampling`
-{{sampling: sobol, samples: 100}}    not a power of two
+{{sampling: sobol, samples: 100}}    not a power of two from 2 on
+{{sampling: sobol, samples: 1}}      take 2
 sampling: grid                       the values of a grid set their number
 {{sampling: grid, samples: null}}    takes `steps` or `choice`, not uniform
 percentiles: [5, 101]                101 is not between 0 and 100

@@ -42,17 +42,12 @@ def test_correlation_names_what_drives_the_effort():
 def test_sobol_shares_of_a_product_are_the_analytic_ones():
     # u = f mu (m + b) g with independent f, b: V = E(f^2) E(w^2) - E(f)^2 E(w)^2, w = m + b
     scene = pushed_block(payloads={"box": BOX})
-    found = run(
-        scene,
-        steady(scene),
-        sweep_of(
-            512,
-            "sobol",
-            friction__all__mu=uniform(0.2, 1.8),
-            payload__box__mass=uniform(0.5, 6.5),
-            speed=uniform(1.0, 2.0),
-        ),
-    )
+    varied = {
+        "friction__all__mu": uniform(0.2, 1.8),
+        "payload__box__mass": uniform(0.5, 6.5),
+        "speed": uniform(1.0, 2.0),
+    }
+    found = run(scene, steady(scene), sweep_of(512, "sobol", **varied))
     assert found.samples == 512 * 5
     var_f, var_w, mean_f, mean_w = 1.6**2 / 12, 3.0, 1.0, MASS + 3.5
     total = var_f * var_w + var_f * mean_w**2 + var_w * mean_f**2
@@ -67,6 +62,7 @@ def test_sobol_shares_of_a_product_are_the_analytic_ones():
     ):
         assert (low <= value).all()
         assert (value <= high).all()
+    assert np.array_equal(found.sobol("rms")[0].first_low, shares.first_low)
     assert np.isnan(
         run(scene, steady(scene), sweep_of(4, "sobol", speed=uniform(1.0, 2.0)))
         .sobol("rms")[0]
