@@ -9,7 +9,7 @@ figure that is not known is NaN.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from types import SimpleNamespace
 from typing import Any, NamedTuple
 
@@ -93,10 +93,18 @@ def number(value: float | None) -> float:
     return np.nan if value is None else float(value)
 
 
-def columns(entries: Iterable[Any], figures: Iterable[str]) -> SimpleNamespace:
-    """Return the figures of entries, each an array; NaN where not known."""
+class Figures(SimpleNamespace):
+    """Figures by name: a number each of one entry, an array each of several; NaN: not known."""
+
+    def each(self, change: Callable[[Value], Value]) -> Figures:
+        """Return all of them changed alike."""
+        return Figures(**{name: change(value) for name, value in vars(self).items()})
+
+
+def columns(entries: Iterable[Any], figures: Iterable[str]) -> Figures:
+    """Return the figures of entries, each an array."""
     there = list(entries)
-    return SimpleNamespace(
+    return Figures(
         **{name: np.array([_figure(entry, name) for entry in there]) for name in figures}
     )
 
@@ -106,7 +114,7 @@ def _figure(entry: Any, name: str) -> float:
     return softest(value) if name == "stiffness" and value is not None else number(value)
 
 
-def first_known(side: SimpleNamespace, figures: Iterable[str]) -> Value:
+def first_known(side: Figures, figures: Iterable[str]) -> Value:
     """Return the first of these figures that is known."""
     found: Value = np.nan
     for name in figures:
@@ -116,26 +124,35 @@ def first_known(side: SimpleNamespace, figures: Iterable[str]) -> Value:
 
 @dataclass
 class Drives:
-    """One drive at a joint, or the drives of a shelf: what rows read.
+    """One drive at a joint, or gears (rows) and motors (columns) of a shelf: what rows read.
 
     Attributes:
-        case: the joint. gear, motor: figures by name. asked: of the motor (`MotorFigures`).
-        ratio: motor turns per joint turn. inertia: of rotor, brake and gear input, kg m^2.
+        gear, motor: figures. ratio: motor turns per joint turn.
+        inertia: of rotor, brake and gear input, kg m^2.
         heat: continuous torque at the rated shaft and the ambient temperature, N m.
         at_output: motors are rated at the joint. linear: the joint slides.
-        one: the drive, where it is one.
+        case: the joint. asked: of the motor (`MotorFigures`). one: the drive, where it is one.
     """
 
-    case: JointCase
-    gear: SimpleNamespace
-    motor: SimpleNamespace
-    asked: SimpleNamespace
+    gear: Figures
+    motor: Figures
     ratio: Value
     inertia: Value
     heat: Value
     at_output: bool
     linear: bool
+    case: JointCase
+    asked: Figures = field(default_factory=Figures)
     one: Candidate | None = None
+
+    def of_gears(self, rows: np.ndarray) -> Drives:
+        """Return those with some of the gears; motors have one row, or are in the gears."""
+
+        def some(values: np.ndarray) -> np.ndarray:
+            return values if len(values) == 1 else values[rows]
+
+        own = {name: some(getattr(self, name)) for name in ("ratio", "inertia", "heat")}
+        return replace(self, gear=self.gear.each(some), motor=self.motor.each(some), **own)
 
     @property
     def conditions(self) -> Conditions:
@@ -207,11 +224,11 @@ def read_drive(candidate: Candidate, motor: MotorCycle | None, case: JointCase) 
             torque are missing. case: the joint.
     """
     ratings, conditions = candidate.ratings, case.conditions
-    asked = SimpleNamespace(**dict.fromkeys(_NOTHING_ASKED, np.nan), figures=None)
+    asked = Figures(**dict.fromkeys(_NOTHING_ASKED, np.nan), figures=None)
     asked.mean_speed = np.inf  # a curve's last point counts
     if motor is not None:
         figures = {k: number(v) for k, v in vars(motor.figures).items() if k != "holding"}
-        asked = SimpleNamespace(**vars(asked) | figures | {"figures": motor.figures})
+        asked = Figures(**vars(asked) | figures | {"figures": motor.figures})
         needed = line_voltage(ratings, motor)
         asked.voltage = np.nan if needed is None else largest(needed)
         taken = pull_out_share(ratings, motor, case.cycle.standing, conditions)
@@ -227,21 +244,21 @@ def read_drive(candidate: Candidate, motor: MotorCycle | None, case: JointCase) 
     if candidate.gear is None:  # a gearmotor has some of a gear's figures
         gear.stiffness = _figure(candidate.transmission, "stiffness")
     return Drives(
-        case,
         gear,
         _numbers(ratings, MOTOR_FIGURES),
-        asked,
         candidate.ratio,
         number(candidate.rotor_inertia),
         number(ratings.continuous_at(conditions, asked.mean_speed)[0]),
         candidate.at_output,
         candidate.linear,
+        case,
+        asked,
         candidate,
     )
 
 
-def _numbers(entry: Any, figures: Iterable[str]) -> SimpleNamespace:
-    return SimpleNamespace(**{name: _figure(entry, name) for name in figures})
+def _numbers(entry: Any, figures: Iterable[str]) -> Figures:
+    return Figures(**{name: _figure(entry, name) for name in figures})
 
 
 #: What a sample of a motion asks, by name: the same need over a cycle. The motor's are at the rated

@@ -303,7 +303,7 @@ def _short(value: float | str) -> str:
 BEARING, OWN_BEARING = "output bearing", "conditions.bearings"
 _OF_GEARS = {"mass": "mass", "input inertia": "input_inertia", "efficiency": "efficiency"}
 _OUTPUT = {"stiffness": "stiffness", BEARING: "bearing"}
-_ROTOR = {"mass": "mass", "rotor inertia": "rotor_inertia"}
+_ROTOR = {"mass": "mass mass_taken", "rotor inertia": "rotor_inertia"}
 _OF_MOTORS = {
     **_ROTOR,
     "continuous torque": "continuous_torque",
@@ -378,16 +378,16 @@ def kind_of(entry: Any, gearmotor: bool = False) -> str:
     return "strain wave" if getattr(entry, "kind", "") == "strain wave" else "other gear"
 
 
-def lacks(kind: str, entry: Any) -> tuple[str, ...]:
+def lacks(kind: str, *entries: Any) -> tuple[str, ...]:
     """Return the figures of `NEEDS` that an entry lacks, as its maker is asked for them.
 
     Args:
-        kind: of `NEEDS`. entry: has the keys of the list; of motors `drivetrain.Ratings` do.
+        kind: of `NEEDS`. entries: have the keys of the list: of a motor `drivetrain.Ratings`, too.
     """
     return tuple(
         figure
         for figure, keys in NEEDS[kind].items()
-        if all(getattr(entry, key, None) is None for key in keys.split())
+        if all(getattr(one, key, None) is None for one in entries for key in keys.split())
     )
 
 

@@ -86,7 +86,7 @@ def _judged(search: DriveSearch, b: int, g: int, m: int, hot: bool) -> Assessmen
     if hot and not servo:
         return None
     lacks = (*search.gear_lacks(block, g), *block.motor_lacks[m], *["continuous torque"] * servo)
-    load, ratio = search.case.load_inertia or 0.0, float(block.ratio[g, 0])
+    load, ratio = search.case.load_inertia or 0.0, float(block.drives.ratio[g, 0])
     least = load / (ratio**2 * search.case.conditions.inertia_ratio)
     inertial, said = bool({*lacks} & EXTRA_INERTIAS), []
     name, entry = block.names[g], block.entries[g]

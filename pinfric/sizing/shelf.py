@@ -17,7 +17,6 @@ import heapq
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -41,10 +40,12 @@ from pinfric.drives.limit import (
     GEAR_FIGURES,
     MOTOR_FIGURES,
     Drives,
+    Figures,
     JointCase,
     Limit,
     columns,
     first_known,
+    idle,
     number,
     read_drive,
 )
@@ -192,32 +193,32 @@ class _Group:
     """Gears (rows) with motors (columns), or gearmotors (rows) alone.
 
     Attributes:
-        gear, motor: figures; gears (ng, 1), motors (nm,), of gearmotors both (ng, 1).
-        ratio: (ng, 1). inertia, mass: (ng, nm). heat: continuous torques at the ambient.
-        fits: (ng, nm) the two go together. names: of gears. gear_lacks, motor_lacks: figures.
-        entries: of gears or gearmotors. motors: of motors.
-        make: drive of a gear and a motor by their numbers. at_output: of all.
+        drives: as rows read them, without a joint: each array has a row, or one for each gear.
+        mass, fits: (ng, nm) kg; the two go together.
+        names, gear_lacks: of gears; figures. entries: of gears or gearmotors.
+        motor_names, motor_lacks, motors: the same of motors.
+        make: drive of a gear and a motor by their numbers. bare: of a gear, without a motor.
         kin: of each motor, those of the same number go with the same `brakes` (`Shelf.brakes_for`).
     """
 
-    gear: SimpleNamespace
-    motor: SimpleNamespace
-    ratio: np.ndarray
-    inertia: np.ndarray
+    drives: Drives
     mass: np.ndarray
-    heat: np.ndarray
     fits: np.ndarray
     names: list[str]
     gear_lacks: list[tuple[str, ...]]
     entries: list[Gear] | list[GearMotor]
     make: Callable[[int, int], Candidate]
     bare: Callable[[int], Candidate]
-    at_output: bool
     motor_names: Sequence[str] = ("",)
     motor_lacks: Sequence[tuple[str, ...]] = ((),)
     motors: Sequence[Motor] = ()
     kin: np.ndarray = field(default_factory=lambda: np.zeros(1, dtype=np.int64))
     brakes: list[dict[str, Brake]] = field(default_factory=list)
+
+    @property
+    def at_output(self) -> bool:
+        """Whether they are gearmotors."""
+        return self.drives.at_output
 
     @cached_property
     def signable(self) -> np.ndarray:
@@ -333,9 +334,6 @@ def _of_gears(
     entries, names = [gear for _, gear, _ in gears], list(motors)
     ratings = [ratings_of(motor) for motor in motors.values()]
     listed = list(motors.values())
-    gear = SimpleNamespace(
-        **{k: v[:, None] for k, v in vars(columns(entries, GEAR_FIGURES)).items()}
-    )
     best = [_at_best(entry) for entry in entries]
     own = columns(best, ("mass", "input_inertia"))
     of_motors = columns(listed, ("mass_taken", "rotor_inertia"))
@@ -351,12 +349,17 @@ def _of_gears(
         return cache[key]
 
     return _Group(
-        gear=gear,
-        motor=columns(ratings, MOTOR_FIGURES),
-        ratio=np.array([ratio for _, _, ratio in gears])[:, None],
-        inertia=own.input_inertia[:, None] + of_motors.rotor_inertia,
+        drives=Drives(
+            gear=columns(entries, GEAR_FIGURES).each(_upright),
+            motor=columns(ratings, MOTOR_FIGURES).each(np.atleast_2d),
+            ratio=_upright([ratio for _, _, ratio in gears]),
+            inertia=own.input_inertia[:, None] + of_motors.rotor_inertia,
+            heat=np.array([[_heat(r, conditions) for r in ratings]]),
+            at_output=False,
+            linear=entries[0].output == "linear",
+            case=idle(conditions),
+        ),
         mass=(own.mass[:, None] + of_motors.mass_taken) * (1 + KIT * kit),
-        heat=np.array([_heat(r, conditions) for r in ratings]),
         fits=np.array([fitting(entry) for entry in entries]),
         names=[name for name, _, _ in gears],
         motor_names=names,
@@ -365,9 +368,7 @@ def _of_gears(
         ],
         motor_lacks=[
             (
-                *lacks(
-                    "stepper" if m.stepper else "motor", SimpleNamespace(**vars(r) | _of_motor(m))
-                ),
+                *lacks("stepper" if m.stepper else "motor", r, m),
                 *outside("motor", conditions, r.rated_up_to),
             )
             for m, r in zip(listed, ratings, strict=True)
@@ -376,13 +377,12 @@ def _of_gears(
         motors=listed,
         make=lambda g, m: motor_with_gear(names[m], listed[m], *gears[g], ratings[m]),
         bare=lambda g: motor_with_gear("", blank, gears[g][0], best[g], gears[g][2], Ratings()),
-        at_output=False,
     )
 
 
-def _of_motor(motor: Motor) -> dict[str, float | None]:
-    """What must be known of a motor beside its ratings."""
-    return {"mass": motor.mass_taken, "rotor_inertia": motor.rotor_inertia}
+def _upright(values: Sequence[float] | np.ndarray) -> np.ndarray:
+    """A figure of each gear, as a column."""
+    return np.asarray(values, dtype=float)[:, None]
 
 
 def _at_best(gear: Gear) -> Gear:
@@ -401,18 +401,19 @@ def _with_rotor(entry: GearMotor) -> GearMotor:
 def _of_gearmotors(alone: list[tuple[str, GearMotor]], conditions: Conditions) -> _Group:
     entries = [entry for _, entry in alone]
     ratings = [ratings_of(entry) for entry in entries]
-    own = columns(entries, ("mass", "rotor_inertia", "ratio"))
-    gear, motor = (
-        SimpleNamespace(**{k: v[:, None] for k, v in vars(columns(of, figures)).items()})
-        for of, figures in ((entries, GEAR_FIGURES), (ratings, MOTOR_FIGURES))
-    )
+    own = columns(entries, ("mass", "rotor_inertia", "ratio")).each(_upright)
     return _Group(
-        gear=gear,
-        motor=motor,
-        ratio=own.ratio[:, None],
-        inertia=own.rotor_inertia[:, None],
-        mass=own.mass[:, None],
-        heat=np.array([_heat(r, conditions) for r in ratings])[:, None],
+        drives=Drives(
+            gear=columns(entries, GEAR_FIGURES).each(_upright),
+            motor=columns(ratings, MOTOR_FIGURES).each(_upright),
+            ratio=own.ratio,
+            inertia=own.rotor_inertia,
+            heat=_upright([_heat(r, conditions) for r in ratings]),
+            at_output=True,
+            linear=entries[0].output == "linear",
+            case=idle(conditions),
+        ),
+        mass=own.mass,
         fits=np.ones((len(alone), 1), dtype=bool),
         names=[name for name, _ in alone],
         gear_lacks=[
@@ -425,7 +426,6 @@ def _of_gearmotors(alone: list[tuple[str, GearMotor]], conditions: Conditions) -
         entries=entries,
         make=lambda g, _: gearmotor_drive(*alone[g]),
         bare=lambda g: gearmotor_drive(alone[g][0], _with_rotor(entries[g])),
-        at_output=True,
     )
 
 
@@ -476,12 +476,7 @@ class DriveSearch:
 
     def _of_gears(self, block: _Group) -> np.ndarray:
         """(ng,) the least margin of the rows of gears alone; infinite where none is known."""
-        blank = SimpleNamespace()
-        nan = np.nan
-        d = Drives(
-            self.case, block.gear, block.motor, blank, block.ratio, nan, nan,
-            block.at_output, self.shelf.linear,
-        )  # fmt: skip
+        d = replace(block.drives, case=self.case)
         least = np.full((len(block.names), 1), np.inf)
         for limit in LIMITS:
             if limit.stage == "gear":
@@ -523,7 +518,7 @@ class DriveSearch:
         The energy of a stop, T_b (J omega^2 + 2 omega T t + T^2 t^2/J)/2/(T_b - T) with the load T,
         is convex in J: what the lightest and the heaviest rotor bear, all between them do.
         """
-        needed, rotors = self.holding_torque(bare), block.inertia[g][block.fits[g]]
+        needed, rotors = self.holding_torque(bare), block.drives.inertia[g][block.fits[g]]
         known = rotors[np.isfinite(rotors)]
         if needed is None:
             return [[None] for _ in block.brakes]
@@ -575,35 +570,28 @@ class DriveSearch:
         rows = [self._row(b, int(g)) for g in gears]
         n = np.array([row.numbers for row in rows]).T[:, :, None]
         mm, ma, aa, hh, hm, ha = n[:6]
-        motor = block.motor
-        if block.at_output:
-            motor = SimpleNamespace(**{k: v[gears] for k, v in vars(motor).items()})
+        d = replace(block.drives.of_gears(gears), case=self.case)
         samples = [(n[k], n[k + 1], n[k + 2], n[k + 3]) for k in (6, 10, 14)]
         cool = min(1.0, 1 + COPPER * (conditions.ambient - 25.0))
-        gear = SimpleNamespace(**{k: v[gears] for k, v in vars(block.gear).items()})
-        heat = block.heat[gears] if block.at_output else block.heat
         own = np.array([row.margin for row in rows])[:, None]
         best, lightest = np.array(-np.inf), np.array(np.inf)
         # least inertia that the inertia ratio permits: of rotors of which none is known
-        permitted = block.ratio[gears] ** 2 * conditions.inertia_ratio * (1 - 1e-9)
+        permitted = d.ratio**2 * conditions.inertia_ratio * (1 - 1e-9)
         least_rotor = (self.case.load_inertia or 0.0) / permitted
         for more, heavier in block.braked(gears, [row.brakes for row in rows]):
-            J = block.inertia[gears] + more
+            J = block.drives.inertia[gears] + more
             unknown, J = np.isnan(J), np.where(np.isnan(J), least_rotor, J)
             # of an inertia that is not known the one that heats least
             turning = np.where(unknown, np.maximum(J, -ma / np.maximum(aa, 1e-300)), J)
             square = mm + 2 * turning * ma + turning**2 * aa + hh + 2 * np.abs(hm + turning * ha)
             ends = [(m + J * a, h, speed) for m, h, a, speed in samples]
-            asked = SimpleNamespace(
+            asked = Figures(
                 rms=np.sqrt(np.maximum(square, 0.0)) * (1 - 1e-9),
                 peak=np.maximum.reduce([np.abs(m) + h for m, h, _ in ends]) * (1 - 1e-9),
-                voltage=np.maximum.reduce([_least_voltage(motor, *end, cool) for end in ends]),
+                voltage=np.maximum.reduce([_least_voltage(d.motor, *end, cool) for end in ends]),
                 pull_out=self._least_pull_out(block, ends),
             )
-            d = Drives(
-                self.case, gear, motor, asked, block.ratio[gears], J, heat,
-                block.at_output, self.shelf.linear,
-            )  # fmt: skip
+            d = replace(d, inertia=J, asked=asked)
             least = np.broadcast_to(own, J.shape).copy()
             for limit in LIMITS:
                 if limit.stage == "pair":
@@ -753,7 +741,7 @@ class DriveSearch:
         stiffest, group = 0.0, list[Assessment]()
         offers = list(self.offers())
         for k, (mass, _, b, g, m) in enumerate(offers):
-            stiffness = float(self.shelf.blocks[b].gear.stiffness[g, 0])
+            stiffness = float(self.shelf.blocks[b].drives.gear.stiffness[g, 0])
             if stiffness > stiffest:
                 judged = self.judge(b, g, m)
                 if judged.fits and judged.candidate.name not in self.parts.banned:
@@ -837,7 +825,7 @@ def momentary_peak(assessment: Assessment) -> float:
 
 
 def _least_voltage(
-    motor: SimpleNamespace, middle: np.ndarray, half: np.ndarray, speed: np.ndarray, cool: float
+    motor: Figures, middle: np.ndarray, half: np.ndarray, speed: np.ndarray, cool: float
 ) -> np.ndarray:
     """A bound of the voltage that a torque between two ends takes at a speed, its winding cold."""
     per_torque = motor.resistance / motor.torque_constant
