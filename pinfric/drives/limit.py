@@ -1,9 +1,8 @@
 """One limit of drives: what a cycle needs, what the maker gives, and where both come from.
 
 A row is written once for numbers and for arrays: of one drive it is a criterion of the report;
-over a shelf of gears (rows) and motors (columns), where needs are lower bounds, it leaves out what
-cannot fit; the rows whose need is one of `SIGNALS` bound every instant of a retimed motion. A
-figure that is not known is NaN.
+over a catalogue's gears (rows) and motors (columns), where needs are lower bounds, it leaves out
+what cannot fit; the rows whose need is one of `SIGNALS` bound every instant of a retimed motion.
 """
 
 from __future__ import annotations
@@ -124,7 +123,7 @@ def first_known(side: Figures, figures: Iterable[str]) -> Value:
 
 @dataclass
 class Drives:
-    """One drive at a joint, or gears (rows) and motors (columns) of a shelf: what rows read.
+    """One drive at a joint, or gears (rows) and motors (columns) of many: what rows read.
 
     Attributes:
         gear, motor: figures. ratio: motor turns per joint turn.
@@ -166,7 +165,7 @@ class Drives:
 
     @property
     def candidate(self) -> Candidate:
-        """The drive; rows that read it are not asked of a shelf."""
+        """The drive; rows that read it are not asked of arrays."""
         assert self.one is not None
         return self.one
 
@@ -329,7 +328,7 @@ class Limit:
             joint's.
         formula, source: of the comparison.
         missing: the figure that is missing if one is. note: of this case.
-        stage: for whom the row is written: "gear", for gears of a shelf; "pair", for gears and
+        stage: for whom the row is written: "gear", for arrays of gears; "pair", for gears and
             motors; "entry", for one gear; "drive", for one drive.
         reserve: a factor on the need, or the condition that is it.
         condition: the conditions that set one side; a criterion that fails names them.

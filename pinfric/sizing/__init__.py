@@ -2,8 +2,8 @@
 
 Takes: a scene, a duty of cycles, a catalogue and conditions; without a catalogue only the demand.
 
-Steps: `size` computes the cycle's efforts, reduces them for each joint (`drives`), ranks a whole
-shelf of drives from tip to base, puts their masses in and repeats until no choice changes, then
+Steps: `size` computes the cycle's efforts, reduces them for each joint (`drives`), ranks all drives
+of the catalogue from tip to base, puts their masses in and repeats until no choice changes, then
 judges the whole arm, its bus and its stops.
 
 Gives: `SizingReport`; `sizing_summary` describes it for JSON, terminal and page.

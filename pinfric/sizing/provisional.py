@@ -27,7 +27,7 @@ from pinfric.drives.limit import Drives
 from pinfric.drives.policy import BEARING, EXTRA_INERTIAS, HOBBY, OWN_BEARING, PROVISIONAL
 
 if TYPE_CHECKING:  # it is above this module
-    from pinfric.sizing.shelf import Assessment, DriveSearch
+    from pinfric.sizing.drive_search import Assessment, DriveSearch
 
 #: Drives that are judged in full, the lightest of fewest missing figures first.
 _TRIED = 200
@@ -57,20 +57,20 @@ def _by_stall(entry: Gear | GearMotor) -> bool:
 
 
 def _offers(search: DriveSearch) -> Iterator[tuple[int, float, int, int, int]]:
-    """Missing figures, mass, block, gear and motor of what no bound rules out."""
-    for b, block in enumerate(search.shelf.blocks):
-        for g in range(len(block.names)):
-            own = search.gear_lacks(block, g)
+    """Missing figures, mass, group, gear and motor of what no bound rules out."""
+    for b, group in enumerate(search.arrays.groups):
+        for g in range(len(group.names)):
+            own = search.gear_lacks(group, g)
             if not set(own) <= PROVISIONAL or search.gear_margins[b][g] < 0:
                 continue
-            mass = block.mass[g]
-            able = block.fits[g] & np.isfinite(mass) & (mass <= search.parts.most)
+            mass = group.mass[g]
+            able = group.fits[g] & np.isfinite(mass) & (mass <= search.parts.most)
             # else no bound is known: more inertia may help, and a servo may run hot
-            if not EXTRA_INERTIAS & {*own} and not _by_stall(block.entries[g]):
+            if not EXTRA_INERTIAS & {*own} and not _by_stall(group.entries[g]):
                 able &= ~(search.margins(b, np.array([g]))[0][0] < 0)
             for m in np.flatnonzero(able).tolist():
-                lacks = {*own, *block.motor_lacks[m]}
-                if not block.at_output and "rotor inertia" in lacks:
+                lacks = {*own, *group.motor_lacks[m]}
+                if not group.at_output and "rotor inertia" in lacks:
                     continue  # of a motor nothing stands in for it
                 if lacks <= PROVISIONAL and 0 < len(lacks) <= 3:
                     yield len(lacks), float(mass[m]), b, g, m
@@ -81,21 +81,21 @@ def _judged(search: DriveSearch, b: int, g: int, m: int, hot: bool) -> Assessmen
 
     `hot`: of a hobby servo only, and the rows of its heat may fail.
     """
-    block = search.shelf.blocks[b]
-    servo = _by_stall(block.entries[g])
+    group = search.arrays.groups[b]
+    servo = _by_stall(group.entries[g])
     if hot and not servo:
         return None
-    lacks = (*search.gear_lacks(block, g), *block.motor_lacks[m], *["continuous torque"] * servo)
-    load, ratio = search.case.load_inertia or 0.0, float(block.drives.ratio[g, 0])
+    lacks = (*search.gear_lacks(group, g), *group.motor_lacks[m], *["continuous torque"] * servo)
+    load, ratio = search.case.load_inertia or 0.0, float(group.drives.ratio[g, 0])
     least = load / (ratio**2 * search.case.conditions.inertia_ratio)
     inertial, said = bool({*lacks} & EXTRA_INERTIAS), []
-    name, entry = block.names[g], block.entries[g]
+    name, entry = group.names[g], group.entries[g]
     if isinstance(entry, Gear):
-        motor = block.motors[m]
+        motor = group.motors[m]
         assert motor.rotor_inertia is not None
         least = max(least - motor.rotor_inertia, 0.0)
         if entry.efficiency is None:
-            worst = search.shelf.worst_efficiency(entry.kind)
+            worst = search.arrays.worst_efficiency(entry.kind)
             if worst is None:
                 return None
             entry = entry.model_copy(update={"efficiency": worst})
@@ -105,7 +105,7 @@ def _judged(search: DriveSearch, b: int, g: int, m: int, hot: bool) -> Assessmen
         if isinstance(entry, Gear):
             own = {"input_inertia": inertia} if inertial else {}
             drive = motor_with_gear(
-                block.motor_names[m], block.motors[m], name, entry.model_copy(update=own), ratio
+                group.motor_names[m], group.motors[m], name, entry.model_copy(update=own), ratio
             )
         else:
             drive = gearmotor_drive(

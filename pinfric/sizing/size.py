@@ -64,17 +64,17 @@ from pinfric.motions.summary import beyond_limits, effort_unit, rms
 from pinfric.motions.trajectory import Trajectory
 from pinfric.sizing.branch import SwingingArm, stiff_enough
 from pinfric.sizing.caveats import caveats, discontinuities, unclosed
-from pinfric.sizing.elastic_arm import arm_criteria, check_tool, reversal_criteria
-from pinfric.sizing.provisional import provisional
-from pinfric.sizing.shelf import (
+from pinfric.sizing.drive_search import (
     Ask,
     Assessment,
+    CatalogArrays,
     DriveSearch,
     Parts,
-    Shelf,
     momentary_peak,
     stiffness_of,
 )
+from pinfric.sizing.elastic_arm import arm_criteria, check_tool, reversal_criteria
+from pinfric.sizing.provisional import provisional
 from pinfric.sizing.verdict import Verdict, causes, joint_criteria, verdict_of
 from pinfric.stops.machines import Machines, full_load, stop_settings
 from pinfric.stops.peaks import braking, cycle_peaks
@@ -148,7 +148,7 @@ class JointSizing:
     @property
     def candidates(self) -> int:
         """Number of drives of the catalogue whose parts go together."""
-        return 0 if self.search is None else self.search.shelf.count
+        return 0 if self.search is None else self.search.arrays.count
 
     @cached_property
     def alternatives(self) -> tuple[Assessment, ...]:
@@ -554,7 +554,7 @@ class _Sizing:
             )
         #: kg, that a drive may weigh.
         self.most = np.inf
-        self.shelves: dict[bool, Shelf] = {}
+        self.shelves: dict[bool, CatalogArrays] = {}
         self.banned: dict[int, set[str]] = {}
         #: By the drives' columns: efforts that gears must bear in stops, those of them that a
         #: simulation showed, and braking under power.
@@ -862,7 +862,7 @@ class _Sizing:
         name, linear = self.scene.drives[i].name, effort_unit(self.scene, i) == "N"
         if linear not in self.shelves:
             brakes = brakes_of(self.catalog, self.scene)
-            self.shelves[linear] = Shelf(self.catalog, self.conditions, linear, brakes)
+            self.shelves[linear] = CatalogArrays(self.catalog, self.conditions, linear, brakes)
         own = own_parts(self.catalog, self.conditions, name, linear)
         banned = frozenset(self.banned.get(i, ()))
         shelf, parts = self.shelves[linear], Parts(own, banned, self.most)
@@ -927,7 +927,7 @@ class _Sizing:
     ) -> dict[int, Assessment]:
         """The lightest set that swings no slower than `lowest_frequency`; else each by itself."""
         wanted = self.conditions.lowest_frequency
-        turning = [i for i in sorted(searches) if not searches[i].shelf.linear]
+        turning = [i for i in sorted(searches) if not searches[i].arrays.linear]
         fronts = [searches[i].front() for i in turning]
         if wanted is None or self.scene.loops or not turning or not all(fronts):
             return taken
@@ -1012,7 +1012,7 @@ class _Sizing:
             motor,
             choice=found if found is not None and found.fits else None,
             nearest=found if found is not None and not found.fits else None,
-            nothing_because="" if search and search.shelf.count else self._no_candidates(i),
+            nothing_because="" if search and search.arrays.count else self._no_candidates(i),
             unloaded=self._is_unloaded(i),
             search=search,
             decided=decided,

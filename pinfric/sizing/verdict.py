@@ -34,7 +34,7 @@ from pinfric.model.described import derived, described, quantity
 from pinfric.model.legs import hanging_legs
 from pinfric.model.scene import Scene
 from pinfric.model.total_mass import doubted_mass
-from pinfric.sizing.shelf import momentary_peak
+from pinfric.sizing.drive_search import momentary_peak
 
 if TYPE_CHECKING:  # it is above this module
     from pinfric.sizing.size import JointSizing, SizingReport

@@ -39,7 +39,7 @@ from pinfric.drives.rules import gear_life
 from pinfric.errors import CatalogError, SizingError
 from pinfric.model.drives import motor_torque_bounds
 from pinfric.retiming.limits import read_limits
-from pinfric.sizing.shelf import DriveSearch
+from pinfric.sizing.drive_search import DriveSearch
 
 # efforts at the joint: speeding up, running, slowing down; at rest anything in +-COULOMB
 UP, RUN, DOWN = (INERTIA * ACCELERATION + COULOMB, COULOMB, -INERTIA * ACCELERATION + COULOMB)
@@ -761,7 +761,7 @@ def test_every_row_names_the_conditions_that_set_it_and_their_defaults(tmp_path)
         def judged(conditions, joint=joint):
             search = joint.search
             case = search.case._replace(conditions=conditions)
-            trial = DriveSearch(search.shelf, case, search.parts)
+            trial = DriveSearch(search.arrays, case, search.parts)
             return {c.name: c for c in trial.judge(0, 0, 0).criteria}
 
         before = judged(first)

@@ -155,7 +155,7 @@ def test_no_stepper_is_ruled_out_that_bears_a_sample(tmp_path):
     }
     (joint,) = report_of(tmp_path, stepper).joints
     search, torque = joint.search, 0.13
-    (block,) = (x for x in search.shelf.blocks if any(m.stepper for m in x.motors))
+    (block,) = (x for x in search.arrays.groups if any(m.stepper for m in x.motors))
     for speed, most in ((0.0, 0.9), (50.0, 0.45), (150.0, 0.6), (-150.0, 0.6)):
         sample = np.full((1, 1), 0.1), np.full((1, 1), 0.03), np.full((1, 1), speed)
         (share,) = search._least_pull_out(block, [sample])[0]

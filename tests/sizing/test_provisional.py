@@ -23,8 +23,8 @@ from pinfric.drives.criterion import Status
 from pinfric.show.pages.sizing import sizing_page
 from pinfric.show.report.drives import provisional_table
 from pinfric.show.report.sizing import verdict
+from pinfric.sizing.drive_search import DriveSearch, Parts
 from pinfric.sizing.provisional import provisional
-from pinfric.sizing.shelf import DriveSearch, Parts
 from pinfric.sizing.summary import sizing_summary
 
 UP = INERTIA * ACCELERATION + COULOMB
@@ -200,5 +200,5 @@ def test_a_banned_drive_is_not_provisional(tmp_path):
     search = joint.search
     assert provisional(search).candidate.gear_name == "G"
     banned = Parts(banned=frozenset([provisional(search).candidate.name]))
-    other = DriveSearch(search.shelf, search.case, banned)
+    other = DriveSearch(search.arrays, search.case, banned)
     assert provisional(other).candidate.gear_name == "H"

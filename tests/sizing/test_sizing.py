@@ -42,7 +42,7 @@ from pinfric.motions.summary import summarize
 from pinfric.show.pages.sizing import sizing_page
 from pinfric.show.report.sizing import friction_line, sizing_report
 from pinfric.sizing.caveats import caveats
-from pinfric.sizing.shelf import Ask
+from pinfric.sizing.drive_search import Ask
 from pinfric.sizing.size import _Sizing
 from pinfric.sizing.summary import sizing_summary, to_ask, unchecked
 

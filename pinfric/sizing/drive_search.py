@@ -1,4 +1,4 @@
-"""A shelf of drives: motors and gears of a catalogue as arrays, and what of them may fit a joint.
+"""Motors and gears of a catalogue as arrays, and what of them may fit a joint.
 
 Gears are left out by their own figures first; only those left get a loss model, once each, without
 a rotor: torques at the input between m - h and m + h. A rotor of inertia J adds J a at every
@@ -198,7 +198,7 @@ class _Group:
         names, gear_lacks: of gears; figures. entries: of gears or gearmotors.
         motor_names, motor_lacks, motors: the same of motors.
         make: drive of a gear and a motor by their numbers. bare: of a gear, without a motor.
-        kin: of each motor, those of the same number go with the same `brakes` (`Shelf.brakes_for`).
+        brake_group: of each motor, those of one number go with the same `brakes` (`brakes_for`).
     """
 
     drives: Drives
@@ -212,7 +212,7 @@ class _Group:
     motor_names: Sequence[str] = ("",)
     motor_lacks: Sequence[tuple[str, ...]] = ((),)
     motors: Sequence[Motor] = ()
-    kin: np.ndarray = field(default_factory=lambda: np.zeros(1, dtype=np.int64))
+    brake_group: np.ndarray = field(default_factory=lambda: np.zeros(1, dtype=np.int64))
     brakes: list[dict[str, Brake]] = field(default_factory=list)
 
     @property
@@ -236,9 +236,10 @@ class _Group:
         """Yield greatest inertia and mass (n, nm) of each brake on trial, 0 where there is none.
 
         Args:
-            gears: (n,) rows. options: of each gear and kin, as of `_Row`; the last one is repeated.
+            gears: (n,) rows. options: of each gear and brake group, as of `_GearAtJoint`; the last
+                one is repeated.
         """
-        kin = self.kin[gears][:, None] if self.at_output else self.kin
+        brake_group = self.brake_group[gears][:, None] if self.at_output else self.brake_group
         for k in range(max(len(own) for row in options for own in row)):
             held = [[own[min(k, len(own) - 1)] for own in row] for row in options]
             figures = np.array(
@@ -247,7 +248,7 @@ class _Group:
                     for row in held
                 ]
             )
-            yield tuple(np.moveaxis(figures[np.arange(len(gears))[:, None], kin], -1, 0))
+            yield tuple(np.moveaxis(figures[np.arange(len(gears))[:, None], brake_group], -1, 0))
 
 
 @dataclass(frozen=True)
@@ -264,7 +265,7 @@ class Parts:
     most: float = np.inf
 
 
-class Shelf:
+class CatalogArrays:
     """The drives of a catalogue for turning, or for sliding joints.
 
     Args:
@@ -283,24 +284,24 @@ class Shelf:
             for ratio in gear.ratios
         ]
         alone = [(n, g) for n, g in catalog.gearmotors.items() if (g.output == "linear") == linear]
-        self.blocks = []
+        self.groups = []
         if gears and catalog.motors:
-            self.blocks.append(_of_gears(gears, catalog.motors, conditions))
+            self.groups.append(_of_gears(gears, catalog.motors, conditions))
         if alone:
-            self.blocks.append(_of_gearmotors(alone, conditions))
+            self.groups.append(_of_gearmotors(alone, conditions))
         inside = tuple({str(brake.sold) for brake in brakes.values()} - {"None", "alone"})
-        for block in self.blocks:
-            names = block.names if block.at_output else block.motor_names
-            kin = [
+        for group in self.groups:
+            names = group.names if group.at_output else group.motor_names
+            brake_group = [
                 tuple(w for w in inside if n.startswith(w)) if n.startswith(inside) else ()
                 for n in names
             ]
-            first = dict(zip(kin, names, strict=True))
+            first = dict(zip(brake_group, names, strict=True))
             number_of = {words: k for k, words in enumerate(first)}
-            inside_ = block.at_output and not linear
-            block.brakes = [self.brakes_for(name, inside_) for name in first.values()]
-            if len(first) > 1 or block.at_output:
-                block.kin = np.array([number_of[words] for words in kin])
+            in_gearmotor = group.at_output and not linear
+            group.brakes = [self.brakes_for(name, in_gearmotor) for name in first.values()]
+            if len(first) > 1 or group.at_output:
+                group.brake_group = np.array([number_of[words] for words in brake_group])
 
     def brakes_for(self, motor: str, integrated: bool = False) -> dict[str, Brake]:
         """Return the brakes that go with this motor, the smallest first."""
@@ -308,14 +309,14 @@ class Shelf:
 
     def worst_efficiency(self, kind: str) -> float | None:
         """Return the worst known efficiency of a kind of gears; None: none is known."""
-        gears = (entry for block in self.blocks for entry in block.entries)
+        gears = (entry for group in self.groups for entry in group.entries)
         known = (g.efficiency for g in gears if isinstance(g, Gear) and g.kind == kind)
         return min((eta for eta in known if isinstance(eta, float)), default=None)
 
     @property
     def count(self) -> int:
         """Number of drives whose parts go together."""
-        return int(sum(block.fits.sum() for block in self.blocks))
+        return int(sum(group.fits.sum() for group in self.groups))
 
 
 def _heat(ratings: Ratings, conditions: Conditions) -> float:
@@ -430,43 +431,50 @@ def _of_gearmotors(alone: list[tuple[str, GearMotor]], conditions: Conditions) -
 
 
 @dataclass
-class _Row:
+class _GearAtJoint:
     """A gear at a joint: its losses over the cycle, the brakes that its drives may get.
 
     Attributes:
-        ends: (T,) twice, torques at the input without rotor. numbers: of the bounds.
-        brakes: of each kin of motors that drives may get, the smallest first; None: none.
+        ends: (T,) twice, torques at the input without rotor.
+        means: over the cycle of m^2, m a, a^2, h^2, h m and h a (see the module).
+        samples: m, h, a and speed where |m| + h, |a| and the speed are largest.
+        brakes: of each brake group of motors that drives may get, the smallest first; None: none.
         margin: the least of its own rows.
     """
 
     ends: tuple[np.ndarray, np.ndarray]
+    means: tuple[float, ...]
+    samples: list[tuple[float, float, float, float]]
     brakes: list[list[Brake | None]]
-    numbers: tuple[float, ...]
     margin: float
 
 
 class DriveSearch:
-    """The drives of a shelf at one joint.
+    """The drives of a catalogue at one joint.
 
     Args:
-        shelf: of turning or of sliding drives. case: the joint. parts: its own.
-        beside: of the same shelf: what a drive must fit as well. It is judged where it fits worst.
+        arrays: of turning or of sliding drives. case: the joint. parts: its own.
+        beside: of the same arrays: what a drive must fit as well. It is judged where it fits worst.
     """
 
     def __init__(
-        self, shelf: Shelf, case: JointCase, parts: Parts, beside: Sequence[DriveSearch] = ()
+        self,
+        arrays: CatalogArrays,
+        case: JointCase,
+        parts: Parts,
+        beside: Sequence[DriveSearch] = (),
     ) -> None:
-        self.shelf, self.case, self.parts, self.beside = shelf, case, parts, beside
-        self._rows: dict[tuple[int, int], _Row] = {}
+        self.arrays, self.case, self.parts, self.beside = arrays, case, parts, beside
+        self._rows: dict[tuple[int, int], _GearAtJoint] = {}
         self._source, self._found = self._offers(), list[tuple[float, float, int, int, int]]()
         self._judged: dict[tuple[int, int, int], Assessment] = {}
 
-    def gear_lacks(self, block: _Group, g: int) -> tuple[str, ...]:
+    def gear_lacks(self, group: _Group, g: int) -> tuple[str, ...]:
         """Return the figures that a gear lacks, beside what the joint has of its own."""
         own = self.parts.own
         figures = [
             figure
-            for figure in block.gear_lacks[g]
+            for figure in group.gear_lacks[g]
             if figure != BEARING or own.get("bearing") is None
         ]
         if own.get("amplifier") is not None:
@@ -474,10 +482,10 @@ class DriveSearch:
             figures += [f"{figure}, of its amplifier" for figure in asked]
         return tuple(figures)
 
-    def _of_gears(self, block: _Group) -> np.ndarray:
+    def _of_gears(self, group: _Group) -> np.ndarray:
         """(ng,) the least margin of the rows of gears alone; infinite where none is known."""
-        d = replace(block.drives, case=self.case)
-        least = np.full((len(block.names), 1), np.inf)
+        d = replace(group.drives, case=self.case)
+        least = np.full((len(group.names), 1), np.inf)
         for limit in LIMITS:
             if limit.stage == "gear":
                 least = np.fmin(least, limit.margin(d))
@@ -489,12 +497,12 @@ class DriveSearch:
         margins = (limit.margin(d) for limit in LIMITS if limit.stage == "entry")
         return min((float(x) for x in margins if not np.isnan(x)), default=np.inf)
 
-    def _row(self, b: int, g: int) -> _Row:
+    def _row(self, b: int, g: int) -> _GearAtJoint:
         """A gear with its losses, its brake, and the margin of the rows that read its entry."""
         if (b, g) in self._rows:
             return self._rows[b, g]
-        block, case = self.shelf.blocks[b], self.case
-        bare = replace(block.bare(g), **self.parts.own)
+        group, case = self.arrays.groups[b], self.case
+        bare = replace(group.bare(g), **self.parts.own)
         cycle, scale = case.cycle, bare.ratio if bare.at_output else 1.0
         lower, upper = ends = input_torques(bare, cycle)
         t, on = cycle.stretched, cycle.powered
@@ -503,28 +511,29 @@ class DriveSearch:
         x, y = int(np.argmax(np.abs(m) + h)), int(np.argmax(np.abs(a)))
         z = int(np.argmax(np.abs(cycle.velocity)))
         speed = (1.0 if bare.at_output else bare.ratio) * cycle.velocity
-        numbers = (
-            *(mean(t, p * q) for p, q in ((m, m), (m, a), (a, a), (h, h), (h, m), (h, a))),
-            *(value for k in (x, y, z) for value in (m[k], h[k], a[k], speed[k])),
+        row = _GearAtJoint(
+            ends,
+            tuple(mean(t, p * q) for p, q in ((m, m), (m, a), (a, a), (h, h), (h, m), (h, a))),
+            [(m[k], h[k], a[k], speed[k]) for k in (x, y, z)],
+            self._brakes(group, g, bare),
+            self._of_entry(bare),
         )
-        brakes = self._brakes(block, g, bare)
-        row = _Row(ends, brakes, numbers, self._of_entry(bare))
         self._rows[b, g] = row
         return row
 
-    def _brakes(self, block: _Group, g: int, bare: Candidate) -> list[list[Brake | None]]:
-        """Of each kin of motors the brakes that a drive may get: more than one by stop energy.
+    def _brakes(self, group: _Group, g: int, bare: Candidate) -> list[list[Brake | None]]:
+        """Of each brake group the brakes that a drive may get: more than one by stop energy.
 
         The energy of a stop, T_b (J omega^2 + 2 omega T t + T^2 t^2/J)/2/(T_b - T) with the load T,
         is convex in J: what the lightest and the heaviest rotor bear, all between them do.
         """
-        needed, rotors = self.holding_torque(bare), block.drives.inertia[g][block.fits[g]]
+        needed, rotors = self.holding_torque(bare), group.drives.inertia[g][group.fits[g]]
         known = rotors[np.isfinite(rotors)]
         if needed is None:
-            return [[None] for _ in block.brakes]
+            return [[None] for _ in group.brakes]
         known = known if len(known) else np.zeros(1)
         stops, found = [self._stop(bare, J) for J in (known.min(), known.max())], []
-        for brakes in block.brakes:
+        for brakes in group.brakes:
             options: list[Brake | None] = []
             for name, brake in brakes.items():
                 borne = [smallest_brake({name: brake}, needed, stop) for stop in stops]
@@ -566,20 +575,19 @@ class DriveSearch:
 
     def margins(self, b: int, gears: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(n, nm) bounds of the least margins of some gears with every motor, and their masses."""
-        block, conditions = self.shelf.blocks[b], self.case.conditions
+        group, conditions = self.arrays.groups[b], self.case.conditions
         rows = [self._row(b, int(g)) for g in gears]
-        n = np.array([row.numbers for row in rows]).T[:, :, None]
-        mm, ma, aa, hh, hm, ha = n[:6]
-        d = replace(block.drives.of_gears(gears), case=self.case)
-        samples = [(n[k], n[k + 1], n[k + 2], n[k + 3]) for k in (6, 10, 14)]
+        mm, ma, aa, hh, hm, ha = np.array([row.means for row in rows]).T[:, :, None]
+        samples = np.transpose([row.samples for row in rows], (1, 2, 0))[..., None]
+        d = replace(group.drives.of_gears(gears), case=self.case)
         cool = min(1.0, 1 + COPPER * (conditions.ambient - 25.0))
         own = np.array([row.margin for row in rows])[:, None]
         best, lightest = np.array(-np.inf), np.array(np.inf)
         # least inertia that the inertia ratio permits: of rotors of which none is known
         permitted = d.ratio**2 * conditions.inertia_ratio * (1 - 1e-9)
         least_rotor = (self.case.load_inertia or 0.0) / permitted
-        for more, heavier in block.braked(gears, [row.brakes for row in rows]):
-            J = block.drives.inertia[gears] + more
+        for more, heavier in group.braked(gears, [row.brakes for row in rows]):
+            J = group.drives.inertia[gears] + more
             unknown, J = np.isnan(J), np.where(np.isnan(J), least_rotor, J)
             # of an inertia that is not known the one that heats least
             turning = np.where(unknown, np.maximum(J, -ma / np.maximum(aa, 1e-300)), J)
@@ -589,7 +597,7 @@ class DriveSearch:
                 rms=np.sqrt(np.maximum(square, 0.0)) * (1 - 1e-9),
                 peak=np.maximum.reduce([np.abs(m) + h for m, h, _ in ends]) * (1 - 1e-9),
                 voltage=np.maximum.reduce([_least_voltage(d.motor, *end, cool) for end in ends]),
-                pull_out=self._least_pull_out(block, ends),
+                pull_out=self._least_pull_out(group, ends),
             )
             d = replace(d, inertia=J, asked=asked)
             least = np.broadcast_to(own, J.shape).copy()
@@ -600,15 +608,15 @@ class DriveSearch:
                         margin = np.where(margin >= 0, np.inf, margin)
                     least = np.fmin(least, margin)
             best = np.maximum(best, least)
-            lightest = np.minimum(lightest, block.mass[gears] + heavier)
+            lightest = np.minimum(lightest, group.mass[gears] + heavier)
         return best, lightest
 
-    def _least_pull_out(self, block: _Group, ends: Sequence[tuple[np.ndarray, ...]]) -> np.ndarray:
+    def _least_pull_out(self, group: _Group, ends: Sequence[tuple[np.ndarray, ...]]) -> np.ndarray:
         """(n, nm) bounds of the shares of pull-out torques that samples take; NaN: no stepper."""
         found = np.full(ends[0][0].shape, np.nan)
         bus, slow = self.case.conditions.bus_voltage, self.case.cycle.stick_velocity
         half, speed = (np.stack([np.abs(end[k][:, 0]) for end in ends]) for k in (1, 2))
-        for m, motor in enumerate(block.motors):
+        for m, motor in enumerate(group.motors):
             if (stepper := motor.stepper) is None:
                 continue
             held = stepper.standstill_current * stepper.holding_torque
@@ -623,31 +631,31 @@ class DriveSearch:
         self, b: int, gears: np.ndarray
     ) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
         """Yield some gears at a time with their `margins`."""
-        step = max(1, _MOST // max(len(self.shelf.blocks[b].motor_lacks), 1))
+        step = max(1, _MOST // max(len(self.arrays.groups[b].motor_lacks), 1))
         for k in range(0, len(gears), step):
             yield gears[k : k + step], *self.margins(b, gears[k : k + step])
 
     @cached_property
     def _complete(self) -> list[np.ndarray]:
-        """Of each block the gears of which every figure is known."""
+        """Of each group the gears of which every figure is known."""
         return [
-            np.flatnonzero([not self.gear_lacks(block, g) for g in range(len(block.names))])
-            for block in self.shelf.blocks
+            np.flatnonzero([not self.gear_lacks(group, g) for g in range(len(group.names))])
+            for group in self.arrays.groups
         ]
 
     @cached_property
     def gear_margins(self) -> list[np.ndarray]:
-        """Of each block (ng,) the least margins of the rows of gears alone."""
-        return [self._of_gears(block) for block in self.shelf.blocks]
+        """Of each group (ng,) the least margins of the rows of gears alone."""
+        return [self._of_gears(group) for group in self.arrays.groups]
 
     def _offers(self) -> Iterator[tuple[float, float, int, int, int]]:
-        """Yield (mass, margin, block, gear, motor) of drives that fail by no bound.
+        """Yield (mass, margin, group, gear, motor) of drives that fail by no bound.
 
         The lightest first; of the margin an upper bound, of equal masses the greatest first.
         """
         gears: list[tuple[float, int, int]] = []
-        for b, block in enumerate(self.shelf.blocks):
-            mass = np.where(block.fits & block.signable, block.mass, np.nan)
+        for b, group in enumerate(self.arrays.groups):
+            mass = np.where(group.fits & group.signable, group.mass, np.nan)
             left = np.isfinite(mass).any(axis=1) & (self.gear_margins[b] >= 0)
             known = self._complete[b]
             gears += [(float(np.nanmin(mass[g])), b, g) for g in known[left[known]].tolist()]
@@ -669,12 +677,12 @@ class DriveSearch:
 
     def _of_one(self, b: int, g: int) -> Iterator[tuple[float, float, str, int, int, int]]:
         """Yield mass, minus margin and name of a gear with motors, and their numbers, in order."""
-        block, (least, mass) = self.shelf.blocks[b], self.margins(b, np.array([g]))
+        group, (least, mass) = self.arrays.groups[b], self.margins(b, np.array([g]))
         short, mass = -np.minimum(least[0], self.gear_margins[b][g]), mass[0]
-        able = block.fits[g] & block.signable & np.isfinite(mass) & (mass <= self.parts.most)
+        able = group.fits[g] & group.signable & np.isfinite(mass) & (mass <= self.parts.most)
         ok = np.flatnonzero((least[0] >= 0) & able)
-        for m in ok[np.lexsort((block.by_name[ok], short[ok], mass[ok]))].tolist():
-            name = f"{block.motor_names[m]} {block.names[g]}"
+        for m in ok[np.lexsort((group.by_name[ok], short[ok], mass[ok]))].tolist():
+            name = f"{group.motor_names[m]} {group.names[g]}"
             yield float(mass[m]), float(short[m]), name, b, g, m
 
     def offers(self) -> Iterator[tuple[float, float, int, int, int]]:
@@ -689,11 +697,11 @@ class DriveSearch:
             k += 1
 
     def judge(self, b: int, g: int, m: int) -> Assessment:
-        """Return one drive of the shelf, judged exactly."""
+        """Return one drive of the arrays, judged exactly."""
         if (b, g, m) not in self._judged:
-            block = self.shelf.blocks[b]
-            made = replace(block.make(g, m), **self.parts.own)
-            missing = (*self.gear_lacks(block, g), *block.motor_lacks[m])
+            group = self.arrays.groups[b]
+            made = replace(group.make(g, m), **self.parts.own)
+            missing = (*self.gear_lacks(group, g), *group.motor_lacks[m])
             row = self._row(b, g) if made.transmission is not None else None
             own = self.assess(made, missing, row)
             every = (own, *(search.judge(b, g, m) for search in self.beside))
@@ -701,14 +709,14 @@ class DriveSearch:
         return self._judged[b, g, m]
 
     def assess(
-        self, made: Candidate, missing: tuple[str, ...] = (), row: _Row | None = None
+        self, made: Candidate, missing: tuple[str, ...] = (), row: _GearAtJoint | None = None
     ) -> Assessment:
         """Return a drive judged exactly, with the brake that it needs."""
         motor, needed = None, self.holding_torque(made)
         if (gear := made.transmission) is not None:
             ends = row.ends if row else input_torques(made, self.case.cycle)
             if needed is not None:
-                brakes = self.shelf.brakes_for(made.motor, made.integrated)
+                brakes = self.arrays.brakes_for(made.motor, made.integrated)
                 name = smallest_brake(brakes, needed, self._stop(made, gear.rotor_inertia))
                 made = made if name is None else with_brake(made, name, brakes[name])
             motor = motor_cycle(made, self.case.cycle, self.case.conditions, ends)
@@ -738,35 +746,37 @@ class DriveSearch:
     def front(self) -> list[Assessment]:
         """Return the drives that fit for which no lighter one has as stiff a gear, by mass."""
         found: list[Assessment] = []
-        stiffest, group = 0.0, list[Assessment]()
+        stiffest, alike = 0.0, list[Assessment]()
         offers = list(self.offers())
         for k, (mass, _, b, g, m) in enumerate(offers):
-            stiffness = float(self.shelf.blocks[b].drives.gear.stiffness[g, 0])
+            stiffness = float(self.arrays.groups[b].drives.gear.stiffness[g, 0])
             if stiffness > stiffest:
                 judged = self.judge(b, g, m)
                 if judged.fits and judged.candidate.name not in self.parts.banned:
-                    group.append(judged)
+                    alike.append(judged)
             last = k + 1 == len(offers) or offers[k + 1][0] > mass
-            if last and group:
-                found.append(min(group, key=lambda a: (-stiffness_of(a), rank(a))))
-                stiffest, group = stiffness_of(found[-1]), []
+            if last and alike:
+                found.append(min(alike, key=lambda a: (-stiffness_of(a), rank(a))))
+                stiffest, alike = stiffness_of(found[-1]), []
         return found
 
     def all_of_few(self) -> list[Assessment]:
         """Return all drives of a small catalogue, also those that cannot be signed; else none."""
-        if self.shelf.count > _FEW:
+        if self.arrays.count > _FEW:
             return []
-        pairs = ((b, g, m) for b, x in enumerate(self.shelf.blocks) for g, m in np.argwhere(x.fits))
+        pairs = (
+            (b, g, m) for b, x in enumerate(self.arrays.groups) for g, m in np.argwhere(x.fits)
+        )
         return [self.judge(b, int(g), int(m)) for b, g, m in pairs]
 
     def nearest(self, below: float = np.inf, worst: float = -10.0) -> Assessment | None:
         """Return the drive lighter than `below` (kg) that misses by least, none beyond a margin."""
         options: list[tuple[float, float, int, int, int]] = []
-        for b, block in enumerate(self.shelf.blocks):
+        for b, group in enumerate(self.arrays.groups):
             known = self._complete[b]
             for gears, least, mass in self._bounds(b, known[self.gear_margins[b][known] > worst]):
                 least = np.fmin(least, self.gear_margins[b][gears][:, None])
-                ok = (least > worst) & block.fits[gears] & block.signable & (mass < below)
+                ok = (least > worst) & group.fits[gears] & group.signable & (mass < below)
                 rows, motors = np.nonzero(ok)
                 options += zip(
                     (-least[rows, motors]).tolist(), mass[rows, motors].tolist(),
@@ -791,26 +801,26 @@ class DriveSearch:
         are known, is lighter than `below` (kg), its brake included.
         """
         found: dict[str, Ask] = {}
-        for b, block in enumerate(self.shelf.blocks):
+        for b, group in enumerate(self.arrays.groups):
             might_do = np.flatnonzero(self.gear_margins[b] >= 0)
             for gears, least, masses in self._bounds(b, np.setdiff1d(might_do, self._complete[b])):
-                might = block.fits[gears] & block.signable  # NaN: not known
+                might = group.fits[gears] & group.signable  # NaN: not known
                 might &= ~(least < 0) & ~(masses >= below)
                 lightest = np.where(might & np.isfinite(masses), masses, np.inf).min(axis=1)
                 for k in np.flatnonzero(might.any(axis=1)).tolist():
-                    name, entry = block.names[gears[k]], block.entries[gears[k]]
+                    name, entry = group.names[gears[k]], group.entries[gears[k]]
                     mass = float(lightest[k]) if np.isfinite(lightest[k]) else None
-                    figures, kind = self.gear_lacks(block, gears[k]), getattr(entry, "kind", "")
+                    figures, kind = self.gear_lacks(group, gears[k]), getattr(entry, "kind", "")
                     found.setdefault(name, Ask(name, figures, mass, entry.source, kind))
-            if block.at_output:
+            if group.at_output:
                 continue
-            known, might = self._complete[b], np.zeros(len(block.motor_lacks), dtype=bool)
+            known, might = self._complete[b], np.zeros(len(group.motor_lacks), dtype=bool)
             for gears, least, heavy in self._bounds(b, known[self.gear_margins[b][known] >= 0]):
-                might |= ((least >= 0) & block.fits[gears] & ~(heavy >= below)).any(axis=0)
+                might |= ((least >= 0) & group.fits[gears] & ~(heavy >= below)).any(axis=0)
             for m in np.flatnonzero(might).tolist():
-                if figures := block.motor_lacks[m]:
-                    name = block.motor_names[m]
-                    found.setdefault(name, Ask(name, figures, None, block.motors[m].source))
+                if figures := group.motor_lacks[m]:
+                    name = group.motor_names[m]
+                    found.setdefault(name, Ask(name, figures, None, group.motors[m].source))
         return tuple(sorted(found.values(), key=lambda a: (len(a.figures), a.mass or 0.0, a.name)))
 
 

@@ -31,7 +31,7 @@ from pinfric.drives.criterion import Status
 from pinfric.drives.drivetrain import Ratings, motor_cycle, motor_with_gear, with_brake
 from pinfric.drives.limits import check
 from pinfric.drives.policy import NEEDS, kind_of, lacks
-from pinfric.sizing.shelf import DriveSearch, Parts, Shelf, rank
+from pinfric.sizing.drive_search import CatalogArrays, DriveSearch, Parts, rank
 from pinfric.sizing.size import _Sizing
 
 ARM = "ur10_machine_tending"
@@ -70,7 +70,7 @@ def test_the_choice_is_that_of_a_search_over_all_drives(arm):
                 if not gear.takes(m, motor) or not known:
                     continue
                 needed = joint.search.holding_torque(made)
-                for name, brake in joint.search.shelf.brakes.items() if needed else ():
+                for name, brake in joint.search.arrays.brakes.items() if needed else ():
                     if brake.torque >= needed and brake.sold == "alone":
                         made = with_brake(made, name, brake)
                         break
@@ -186,7 +186,7 @@ def test_what_is_asked_for_would_be_lighter_with_some_figures(arm):
         if lighter.get(ask.name):
             continue
         (kind,) = [k for k in ("gears", "motors", "gearmotors") if ask.name in getattr(catalog, k)]
-        entry, shelf = getattr(catalog, kind)[ask.name], joint.search.shelf
+        entry, arrays = getattr(catalog, kind)[ask.name], joint.search.arrays
         needs = (need for own in NEEDS.values() for need in own.items())
         keys = [keys.split()[0] for figure, keys in needs if figure in ask.figures]
         lacking = [k for k in keys if getattr(entry, k, 0) is None]
@@ -197,7 +197,7 @@ def test_what_is_asked_for_would_be_lighter_with_some_figures(arm):
             made = {ask.name: entry.model_copy(update=best | dict.fromkeys(rotors, inertia))}
             parts = {"gears": whole if kind == "motors" else {}, "gearmotors": {}, kind: made}
             own = replace(catalog, **parts)
-            own = Shelf(own, report.conditions, shelf.linear, shelf.brakes)
+            own = CatalogArrays(own, report.conditions, arrays.linear, arrays.brakes)
             found = found or DriveSearch(own, joint.search.case, joint.search.parts).lightest()
         lighter[ask.name] = found is not None and found.candidate.mass < joint.choice.candidate.mass
     assert len(lighter) > 20
@@ -227,7 +227,7 @@ def test_a_bound_of_a_gear_without_loss_is_the_rms_of_what_accelerates(tmp_path)
 def test_bounds_never_exceed_what_they_bound(arm):
     """Every drive of the first gears, among them those that bounds leave out."""
     search = sized(arm).joints[2].search
-    (block,) = [b for b in search.shelf.blocks if not b.at_output]
+    (block,) = [b for b in search.arrays.groups if not b.at_output]
     known = [g for g in range(len(block.names)) if not block.gear_lacks[g]][:4]
     for g in known:
         least, _ = (x[0] for x in search.margins(0, np.array([g])))
