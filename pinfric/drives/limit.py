@@ -150,8 +150,14 @@ class Drives:
         def some(values: np.ndarray) -> np.ndarray:
             return values if len(values) == 1 else values[rows]
 
-        own = {name: some(getattr(self, name)) for name in ("ratio", "inertia", "heat")}
-        return replace(self, gear=self.gear.each(some), motor=self.motor.each(some), **own)
+        return replace(
+            self,
+            gear=self.gear.each(some),
+            motor=self.motor.each(some),
+            ratio=some(self.ratio),
+            inertia=some(self.inertia),
+            heat=some(self.heat),
+        )
 
     @property
     def conditions(self) -> Conditions:

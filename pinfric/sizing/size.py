@@ -11,8 +11,7 @@ and their share in other joints' inertias, are left out (for ratio r: 1/r of it)
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Mapping, Sequence
-from copy import copy
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -20,74 +19,55 @@ from typing import Any, Literal
 
 import numpy as np
 
-from pinfric.drives.brake import Standstill, ranked, standstills
-from pinfric.drives.catalog import Brake, Catalog
+from pinfric.drives.brake import Standstill, standstills
+from pinfric.drives.catalog import Catalog
 from pinfric.drives.catalog_file import load_catalog
 from pinfric.drives.criterion import Criterion
-from pinfric.drives.demand import (
-    DriveCycle,
-    JointDemand,
-    drive_cycle,
-    driven_joint,
-    joint_demand,
-)
+from pinfric.drives.demand import DriveCycle, JointDemand, driven_joint, joint_demand
 from pinfric.drives.drivetrain import Candidate, MotorCycle, line_voltage, motor_cycle
-from pinfric.drives.duty import Duty, Schedule, once
-from pinfric.drives.friction import without_drives
-from pinfric.drives.held import held_drives
+from pinfric.drives.duty import Duty, Schedule
 from pinfric.drives.limit import JointCase
 from pinfric.drives.limits import SHOCK
-from pinfric.drives.mounting import mounted, mountings, turned_as
+from pinfric.drives.mounting import mounted
 from pinfric.drives.parts import check_names, own_parts
 from pinfric.drives.policy import Conditions, parse_conditions, request
 from pinfric.drives.power import BusPower, bus_power
 from pinfric.drives.rated import RatedCycle
-from pinfric.drives.robot import (
-    DrivenRobot,
-    added_masses,
-    carried,
-    equip,
-    tip_to_base,
-)
+from pinfric.drives.robot import carried, equip
 from pinfric.dynamics.inverse.inverse import inverse_dynamics
 from pinfric.dynamics.inverse.result import InverseResult
 from pinfric.dynamics.samples.states import MotionLike
 from pinfric.elastic.motion import Elasticity, elasticity
 from pinfric.errors import PinfricWarning, SizingError, StopError, choose_from
 from pinfric.model.brief import counted, file_name, listed, screen
-from pinfric.model.massless import massless
 from pinfric.model.scene import Scene, expect_scene
-from pinfric.model.schema import OTHERS, Stops
+from pinfric.model.schema import OTHERS
 from pinfric.model.upward import Shown
-from pinfric.motions.rating import Rated, Rating, rate
+from pinfric.motions.rating import Rating, rate
 from pinfric.motions.summary import beyond_limits, effort_unit, rms
-from pinfric.motions.trajectory import Trajectory
-from pinfric.sizing.branch import SwingingArm, stiff_enough
 from pinfric.sizing.caveats import caveats, discontinuities, unclosed
-from pinfric.sizing.drive_search import (
-    Ask,
-    Assessment,
-    CatalogArrays,
-    DriveSearch,
-    Parts,
-    momentary_peak,
-    stiffness_of,
+from pinfric.sizing.choice import (
+    Choice,
+    Demanded,
+    Task,
+    bearing_stops,
+    brakes_of,
+    cases,
+    contradiction,
+    light_enough,
+    overloaded,
+    search_at,
+    task_of,
 )
+from pinfric.sizing.drive_search import Ask, Assessment, DriveSearch
 from pinfric.sizing.elastic_arm import arm_criteria, check_tool, reversal_criteria
-from pinfric.sizing.provisional import provisional
 from pinfric.sizing.verdict import Verdict, causes, joint_criteria, verdict_of
 from pinfric.stops.machines import Machines, full_load, stop_settings
-from pinfric.stops.peaks import braking, cycle_peaks
 from pinfric.stops.study import StopResult, stops_of
 
-#: Passes over all joints before an alternating choice is given up; two are usual.
-_MOST_PASSES = 12
-#: Passes after which a choice that comes back is banned.
-_PATIENCE = 4
 #: How often a choice whose simulated stops overload a gear is made anew, and by which factor more
-#: than its peak the gear must then bear. By which factor more than the peak by algebra, where no
-#: simulation follows: simulated peaks are 0.68 to 1.15 of it, once 1.32.
-_STOPPED_AGAIN, _STOP_RESERVE, _NOT_SIMULATED = 2, 1.02, 1.3
+#: than its peak the gear must then bear.
+_STOPPED_AGAIN, _STOP_RESERVE = 2, 1.02
 #: Drives that fit, of which a report tells.
 _ENOUGH = 12
 
@@ -466,16 +446,19 @@ def size(
         own_parts(catalog or Catalog("no catalogue"), wanted, joint, linear)
     tell = progress or (lambda _: None)
     rated = None if rating is None else rate(scene, rating)
-    report = _Sizing(scene, trajectory, catalog, wanted, tell, rated).run()
+    report = _sized(task_of(scene, trajectory, catalog, wanted, tell, rated))
     if rated is not None and trajectory is not None and catalog is not None:
         with warnings.catch_warnings():  # said already of both together
             warnings.simplefilter("ignore", PinfricWarning)
             apart = {
-                "cycle": _Sizing(scene, trajectory, catalog, wanted, tell).choose(),
-                "rating": _Sizing(scene, None, catalog, wanted, tell, rated).choose(),
+                "cycle": bearing_stops(task_of(scene, trajectory, catalog, wanted, tell)),
+                "rating": bearing_stops(task_of(scene, None, catalog, wanted, tell, rated)),
             }
+        fit = {
+            name: {i: a for i, a in alone.taken.items() if a.fits} for name, alone in apart.items()
+        }
         joints = (
-            replace(joint, alone={name: one.get(i) for name, one in apart.items()})
+            replace(joint, alone={name: drives.get(i) for name, drives in fit.items()})
             for i, joint in enumerate(report.joints)
         )
         report = replace(report, joints=tuple(joints))
@@ -486,587 +469,169 @@ def size(
     return report
 
 
-class _Sizing:
-    """One run of `size`."""
+def _sized(task: Task) -> SizingReport:
+    """Choose until no choice changes, and report; with stops, until gears bear them.
 
-    def __init__(
-        self,
-        scene: Scene,
-        trajectory: MotionLike | Duty | None,
-        catalog: Catalog | None,
-        conditions: Conditions,
-        progress: Callable[[str], object],
-        rated: Rated | None = None,
-    ) -> None:
-        self.motion: MotionLike
-        duty, self.rating = None, None
-        cycles = [c for c, _ in trajectory.cycles] if isinstance(trajectory, Duty) else [trajectory]
-        if rated is not None:
-            if isinstance(trajectory, Trajectory):
-                trajectory = Duty(((trajectory, 1.0),))
-            if not isinstance(trajectory, Duty | None):
-                raise SizingError("beside a rating the cycle must be a Trajectory or a Duty")
-            self.rating = RatedCycle.of(rated, trajectory)
-            self.motion, duty, scene = self.rating.motion, self.rating.schedule, rated.scene
-        elif isinstance(trajectory, Duty):
-            self.motion, duty = trajectory.motion(), trajectory.schedule()
-        elif trajectory is None:
-            raise SizingError("give a cycle, or a rating: rating={'payload': 10} (kg)")
-        else:
-            self.motion = trajectory
-        every = [drive.name for drive in scene.drives] if catalog is not None else ()
-        self.given, self.scene, self.catalog = scene, without_drives(scene, every), catalog
-        self.conditions, self.progress = conditions, progress
-        self.robot = DrivenRobot(self.scene, self.motion, duty, conditions, self.rating)
-        #: By how they are mounted: the scene's own "", then those that `mounting: any` asks for.
-        self.robots = {"": self.robot}
-        if conditions.mounting == "any":
-            for words, gravity in mountings(self.scene).items():
-                turned = self.scene.with_(gravity=gravity)
-                self.robots[words] = DrivenRobot(turned, self.motion, duty, conditions, self.rating)
-        self.elsewhere: dict[str, Duty] = {}
-        for other, there in trajectory.elsewhere if isinstance(trajectory, Duty) else ():
-            if rated is not None:
-                raise SizingError(
-                    "a rating beside cycles of other scenes: give the condition mounting=any, or "
-                    "size without the rating"
-                )
-            words, gravity = turned_as(scene, other), other.model.gravity.linear
-            if words in self.elsewhere:
-                raise SizingError(f"duty: {words} is there twice; give all its cycles in one duty")
-            if catalog is not None and not gravity.any():
-                raise SizingError(f"{words}: robot.gravity is [0, 0, 0]; give the gravity")
-            self.elsewhere[words] = there
-            turned, schedule = self.scene.with_(gravity=gravity), there.schedule()
-            self.robots[words] = DrivenRobot(turned, there.motion(), schedule, conditions)
-            cycles += [cycle for cycle, _ in there.cycles]
-        self.duty = duty or once(len(self.robot.result.states.q))
-        robot = [] if scene.robot is None else [scene.robot.urdf]
-        cycled = [getattr(cycle, "source", "") for cycle in cycles]
-        made = () if catalog is None else catalog.files
-        scenes = [scene.source, *(o.source for o, _ in getattr(trajectory, "elsewhere", ()))]
-        self.files = tuple(str(f) for f in (*scenes, *robot, *cycled, *made))
-        self.unloaded = massless(self.scene, self.scene.payloads)
-        if self.unloaded.all():
-            raise SizingError(
-                f"{scene.source}: no link that moves has a mass, so there is nothing to size: give "
-                "the URDF's links an <inertial>; `pinfric new URDF --mass KG` makes a start"
-            )
-        #: kg, that a drive may weigh.
-        self.most = np.inf
-        self.shelves: dict[bool, CatalogArrays] = {}
-        self.banned: dict[int, set[str]] = {}
-        #: By the drives' columns: efforts that gears must bear in stops, those of them that a
-        #: simulation showed, and braking under power.
-        self.stop_effort: dict[int, float] = {}
-        self.stop_least: dict[int, float] = {}
-        self.open_stops: dict[int, float] = {}
-        self.stop_note = ""
-        self.braking: dict[int, tuple[DriveCycle, ...]] = {}
-
-    def run(self) -> SizingReport:
-        """Choose until no choice changes, and report; with stops, until gears bear them.
-
-        One simulation of the stops judges the choice; what it finds too weak must bear a little
-        more than it says, and the choice begins anew, twice at most.
-        """
-        taken, passes, settled = self._bearing_stops()
-        contradiction = self._contradiction(taken)
-        if contradiction and (light := self._light(taken)) is not None:
-            (taken, passes, settled), contradiction = light
-        elif contradiction:
-            mass = _mass(taken)
-            self.given = replace(self.given, masses="without_drives")
-            self.scene = replace(self.scene, masses="without_drives")
-            self.banned, self.stop_effort = {}, {}
-            taken, passes, settled = self._bearing_stops()
-            contradiction += f"; {mass:.2f} kg of drives so, {_mass(taken):.2f} kg where added"
-        for again in range(_STOPPED_AGAIN + 1):
-            report = self._report(taken, passes, settled, contradiction)
-            stops, why = self._stopped(report)
-            axes = () if stops is None else stops.axes
-            short = self._overloaded({i: axis.peak for i, axis in enumerate(axes)}, taken)
-            if not short or again == _STOPPED_AGAIN:
-                break
-            self.stop_least |= {i: _STOP_RESERVE * peak for i, peak in short.items()}
-            self.stop_effort |= self.stop_least
-            taken, passes, settled = self._bearing_stops()
-        return replace(report, stops=stops, no_stops=why, other_mass=self._other_mass(taken))
-
-    def _report(
-        self, taken: Mapping[int, Assessment], passes: int, settled: bool, contradiction: str
-    ) -> SizingReport:
-        """The report of a choice, without its stops."""
-        joints = tuple(self._joint(i, taken) for i in range(len(self.scene.drives)))
-        chosen = {i: a.candidate for i, a in taken.items()}
-        equipped = equip(self.scene, chosen, self.conditions) if taken else self.scene
-        without, rating = self.robot.base.result, self.rating
-        cycles = rating is None or rating.duty is not None
-        gaps = unclosed(without, self.duty) if cycles else ()
-        source = str(getattr(self.motion, "source", "motion"))
-        return SizingReport(
-            scene=equipped,
-            given=self.given,
-            catalog=self.catalog,
-            conditions=self.conditions,
-            trajectory=source if rating is None else rating.source,
-            files=self.files,
-            joints=joints,
-            result=inverse_dynamics(equipped, self.motion) if taken else without,
-            result_without_masses=without,
-            duty=self.duty,
-            passes=passes,
-            settled=settled,
-            assumptions=caveats(
-                self.given,
-                self.catalog,
-                gaps,
-                discontinuities(without, self.duty) if cycles else (),
-                beyond_limits(without),
-            ),
-            unclosed=gaps,
-            contradiction=contradiction,
-            rating=rating,
-            elsewhere=tuple(self.elsewhere),
-            open_stops=self.open_stops,
-        )
-
-    def _contradiction(self, taken: Mapping[int, Assessment]) -> str:
-        """That links are lighter than the drives that the scene says they hold; else empty."""
-        masses = {i: a.candidate.mass for i, a in taken.items()}
-        held = held_drives(self.scene, masses, self.conditions.mass_in_urdf)
-        worst = held[0] if held[0].share > 1.0 else max(held, key=lambda one: one.share)
-        if worst.share <= 1.0:
-            return ""
-        return (
-            f"robot.masses: {worst.where} weigh {worst.links:.3g} kg and cannot hold "
-            f"{worst.drives:.3g} kg of drives: write `without_drives`, or correct the masses"
-        )
-
-    def _light(
-        self, taken: Mapping[int, Assessment]
-    ) -> tuple[tuple[dict[int, Assessment], int, bool], str] | None:
-        """A choice of drives that the links can hold, and what is said of it; None: there is none.
-
-        None of it need be signed: each is at most its part of the links that weigh least for the
-        number of drives in them.
-        """
-        each = held_drives(self.scene, dict.fromkeys(taken, 1.0), self.conditions.mass_in_urdf)
-        self.most = min(one.links / one.drives for one in each if one.drives)
-        bears, self.stop_effort = self.stop_effort, {}
-        found = self._bearing_stops()
-        fit = found[0].keys() == taken.keys() and all(a.fits or a.would for a in found[0].values())
-        if fit and not self._contradiction(found[0]):
-            why = self._contradiction(taken).partition(" of drives: ")[0]
-            most = f"of at most {self.most:.2g} kg each, are provisional, or"
-            return found, f"{why} of drives that can be signed: lighter ones, {most} write " + (
-                "`without_drives`"
-            )
-        self.most, self.stop_effort = np.inf, bears
-        return None
-
-    def _other_mass(self, taken: Mapping[int, Assessment]) -> float | None:
-        """Mass of the drives if the links hold them; None: as `SizingReport.other_mass`."""
-        names, holds = self.scene.actuator_names, self.scene.masses_hold
-        if not any(holds[i] is None and carried(self.scene, i) for i in taken):
-            return None
-        other, settled = copy(self), self.robot.last
-        bare = {n: "without_drives" for n, hold in zip(names, holds, strict=True) if hold is False}
-        other.scene, other.banned = replace(self.scene, masses={**bare, OTHERS: "with_drives"}), {}
-        other.stop_effort, other.stop_least = {}, {}
-        held, _, _ = other._bearing_stops()
-        self.robot.last = settled
-        return None if other._contradiction(held) else _mass(held)
-
-    def _stopped(self, report: SizingReport) -> tuple[StopResult | None, str]:
-        """The stops with the chosen drives and brakes, or why there are none."""
-        if self.scene.stops is None or self.catalog is None or any(j.no_fit for j in report.joints):
-            return None, ""
-        if len(list(report.duty.parts())) > 1:
-            what = "judged for one cycle, not for a duty of several or a rating alone"
-            return None, f"stops: {what}"
-        names = sorted({drive.brake for drive in report.drives if drive} - {""})
-        if slow := [n for n in names if self.catalog.brakes[n].engage_time is None]:
-            return None, (
-                f"stops: {', '.join(slow)} of the catalogue has no `engage_time`; give it the time "
-                "(s) from power-off until it holds, as its maker states it"
-            )
-        self.progress("stops of the chosen drives")
-        motion = self._one_cycle(report.scene, self.robot)
-        pairs = zip(report.joints, report.drives, strict=True)
-        products = {joint.name: drive.name for joint, drive in pairs if drive}
-        load, settings = full_load(report.scene, motion), stop_settings(report.scene, None)
-        try:
-            return stops_of(Machines(report.scene, settings, load, products), motion), ""
-        except StopError as problem:
-            return None, str(problem)
-
-    def _one_cycle(self, scene: Scene, robot: DrivenRobot) -> Trajectory:
-        """The cycles without a rating, or a rating alone, as a motion of a scene."""
-        states, rating = robot.result.states, robot.rating
-        part = rating.own if rating is not None and rating.cycles else slice(None)
-        carried = states.attached
-        attached = (
-            {} if carried is None else dict(zip(scene.payloads, carried[part].T, strict=True))
-        )
-        return Trajectory.from_arrays(
-            scene,
-            robot.result.times[part],
-            states.q[part],
-            states.v[part],
-            states.a[part],
-            attached,
-            source=str(getattr(robot.motion, "source", "motion")),
-        )
-
-    def _bearing_stops(self) -> tuple[dict[int, Assessment], int, bool]:
-        """Choose; gears must bear the stops of all joints together with this choice; again.
-
-        Until the choice bears its own stops and none lighter would do: what it takes depends on no
-        drive that was chosen before. Only where choices come back the largest peaks count. Where no
-        simulation follows, gears must bear 1.3 times what algebra says. Of a rating alone no choice
-        is made by it, unless the scene has `stops`: what its gears do not bear is not signed.
-        """
-        (taken, passes, settled), self.open_stops = self._choose(), {}
-        scene, seen = self.scene, list[dict[int, str]]()
-        if self.catalog is None or scene.linkage is not None or scene.mobility.redundant:
-            return taken, passes, settled
-        for _ in range(_MOST_PASSES):
-            if scene.stops is None and not any(a.candidate.brake for a in taken.values()):
-                break
-            fit = len(taken) == len(scene.drives) and all(a.fits for a in taken.values())
-            factor = 1.0 if self._stops_once and fit else _NOT_SIMULATED
-            self.stop_note = f"{factor:g} x " * (factor > 1.0) + "the peak in stops of all joints"
-            try:
-                most, powered = self._stop_peaks(taken)
-            except StopError:  # the simulation says what is missing
-                break
-            peaks = {i: max(factor * float(most[i]), self.stop_least.get(i, 0.0)) for i in taken}
-            short = self._overloaded(peaks, taken)
-            if self.rating is not None and not self.rating.cycles and scene.stops is None:
-                self.open_stops = peaks
-                break
-            if _names(taken) in seen:
-                peaks |= {i: max(x, peaks[i]) for i, x in self.stop_effort.items() if i in peaks}
-            first, self.stop_effort = not self.stop_effort, peaks
-            if first and not short and not powered:  # it stays the lightest
-                taken = {i: a.where(**self._stop(i)) for i, a in taken.items()}
-                break
-            seen.append(_names(taken))
-            self.braking = {
-                i: tuple(
-                    drive_cycle(x, i, np.zeros(len(x.effort_lower), dtype=bool)) for x in powered
-                )
-                for i in taken
-            }
-            self.progress("gears that bear the stops of all joints together")
-            taken, more, settled = self._choose()
-            passes += more
-            if _names(taken) == seen[-1]:
-                break
-        return taken, passes, settled
-
-    def _stop_peaks(
-        self, taken: Mapping[int, Assessment]
-    ) -> tuple[np.ndarray, tuple[InverseResult, ...]]:
-        """`cycle_peaks` of a choice in each mounting, and `braking`.
-
-        A brake of unknown inertia has next to none: a heavy rotor relieves its gear. Of a scene
-        that does not say how it is stopped all brakes close at once.
-        """
-        stops, chosen = self.scene.stops, dict[int, Candidate]()
-        for i, made in ((i, a.candidate) for i, a in taken.items()):
-            if (gear := made.transmission) is not None and gear.brake is not None:
-                brake = gear.brake.model_copy(update={} if stops else {"engage_time": None})
-                inertia = gear.rotor_inertia - made.brake_unsure
-                gear = gear.model_copy(update={"rotor_inertia": inertia, "brake": brake})
-                made = replace(made, transmission=gear)
-            chosen[i] = made
-        scene = equip(self.scene, chosen, self.conditions)
-        powers, most = list[InverseResult](), np.zeros(len(scene.drives))
-        for words, robot in self.robots.items():
-            gravity = robot.scene.model.gravity.linear
-            turned = scene.with_(gravity=gravity) if words else scene
-            motion = self._one_cycle(turned, robot)
-            settings = stops or Stops(category=0, reaction_time=0.0)
-            machines = Machines(turned, settings, full_load(turned, motion))
-            powered = braking(machines, motion)
-            most = np.maximum(most, cycle_peaks(machines, motion, powered))
-            powers += powered
-        return most, tuple(powers)
-
-    def _stop(self, i: int) -> dict[str, Any]:
-        """What is known of a joint's stops, as fields of its case."""
-        known = i in self.stop_effort
-        effort, note = self.stop_effort.get(i, np.nan), self.stop_note * known
-        braked = self.braking.get(i, ())
-        return {"stop_effort": effort, "stop_note": note, "braking": braked}
-
-    @property
-    def _stops_once(self) -> bool:
-        """Whether the scene says how it is stopped, of one cycle."""
-        stops = self.scene.stops is not None and self.catalog is not None
-        return stops and len(list(self.duty.parts())) == 1
-
-    def _overloaded(
-        self, peaks: Mapping[int, float], taken: Mapping[int, Assessment]
-    ) -> dict[int, float]:
-        """The peaks (N m or N), by the drives' columns, that are more than gears bear."""
-        return {
-            i: peak for i, peak in peaks.items() if i in taken and peak > momentary_peak(taken[i])
-        }
-
-    def _added(self, taken: Mapping[int, Assessment]) -> dict[int, float]:
-        """The masses that the drives add to the robot's links."""
-        masses = {i: a.candidate.mass for i, a in taken.items()}
-        return added_masses(self.scene, self.conditions, masses)
-
-    def _is_unloaded(self, i: int) -> bool:
-        """Whether a drive's joint moves no mass."""
-        column = self.scene.drives[i].velocity_index
-        return column >= 0 and bool(self.unloaded[column])
-
-    def _cases(self, i: int, masses: Mapping[int, float]) -> dict[str, JointCase]:
-        """A joint, with a rating once by each of its parts, and once by each mounting asked for.
-
-        The one of largest RMS effort first. A brake holds the largest load of all mountings, where
-        their motions differ in every pose.
-        """
-        cases = {
-            " ".join(x for x in (name, mounting) if x): robot.case(i, masses, schedule)._replace(
-                **self._stop(i)
-            )
-            for mounting, robot in self.robots.items()
-            for name, schedule in _means(robot, i).items()
-        }
-        if len(self.robots) > 1:
-            rests = [case.rest for case in cases.values() if case.rest is not None]
-            loads = [np.abs(rest.load) for rest in rests]
-            alike = len({len(load) for load in loads}) == 1
-            most = np.max(loads, axis=0) if alike else max(load.max() for load in loads)
-            peak = max(rest.peak for rest in rests)
-            cases = {
-                name: case._replace(
-                    rest=case.rest
-                    and case.rest._replace(load=most + 0.0 * case.rest.load, peak=peak)
-                )
-                for name, case in cases.items()
-            }
-        effort = {n: rms(c.cycle.stretched, c.cycle.ends[0]) for n, c in cases.items()}
-        return {name: cases[name] for name in sorted(cases, key=lambda name: -effort[name])}
-
-    def _search(self, i: int, masses: Mapping[int, float]) -> DriveSearch | None:
-        """The drives of the catalogue at a joint; None: it takes none."""
-        if self.catalog is None or driven_joint(self.scene, i) is None or self._is_unloaded(i):
-            return None
-        name, linear = self.scene.drives[i].name, effort_unit(self.scene, i) == "N"
-        if linear not in self.shelves:
-            brakes = brakes_of(self.catalog, self.scene)
-            self.shelves[linear] = CatalogArrays(self.catalog, self.conditions, linear, brakes)
-        own = own_parts(self.catalog, self.conditions, name, linear)
-        banned = frozenset(self.banned.get(i, ()))
-        shelf, parts = self.shelves[linear], Parts(own, banned, self.most)
-        first, *others = self._cases(i, masses).values()
-        return DriveSearch(
-            shelf, first, parts, [DriveSearch(shelf, case, parts) for case in others]
-        )
-
-    def choose(self) -> dict[int, Assessment]:
-        """Return the drives that fit, by their columns."""
-        return {i: a for i, a in self._bearing_stops()[0].items() if a.fits}
-
-    def _choose(self) -> tuple[dict[int, Assessment], int, bool]:
-        """The drives taken, the number of passes, and whether the last one changed nothing."""
-        taken: dict[int, Assessment] = {}
-        if self.catalog is None:
-            return taken, 0, True
-        seen: list[dict[int, Assessment]] = []
-        for passes in range(1, _MOST_PASSES + 1):
-            before = _names(taken)
-            searches: dict[int, DriveSearch] = {}
-            for i in tip_to_base(self.scene):
-                self.progress(f"pass {passes}: {self.scene.drives[i].name}")
-                search = self._search(i, self._added(taken))
-                if search is None:
-                    continue
-                searches[i] = search
-                found = search.lightest() or provisional(search) or search.nearest()
-                taken.pop(i, None)
-                if found is not None:
-                    taken[i] = found
-            if self.conditions.lowest_frequency is not None:
-                taken = self._together(taken, searches)
-            taken |= self._shared(taken, searches)
-            exact = {k: m for k, m in self._added(taken).items() if m and carried(self.scene, k)}
-            if _names(taken) == before and (self.robot.exact or self.robot.last.masses == exact):
-                return taken, passes, True
-            for robot in self.robots.values():
-                robot.solve(self._added(taken))
-            self._ban(seen, taken)
-        warnings.warn(
-            f"the choice of drives still alternates after {_MOST_PASSES} passes",
-            PinfricWarning,
-            stacklevel=4,
-        )
-        return taken, _MOST_PASSES, False
-
-    def _ban(self, seen: list[dict[int, Assessment]], taken: Mapping[int, Assessment]) -> None:
-        """Ban the lightest of what alternates at the outermost joint where a choice comes back."""
-        now, before = _names(taken), [_names(one) for one in seen]
-        seen.append(dict(taken))
-        if len(before) >= _PATIENCE and now in before[:-1]:
-            for i in tip_to_base(self.scene):
-                found = [one.get(i) for one in seen[before.index(now) :]]
-                mass = {a.candidate.name: a.candidate.mass or 0.0 for a in found if a is not None}
-                if len(mass) + (None in found) > 1:
-                    self.banned.setdefault(i, set()).add(min(mass, key=mass.__getitem__))
-                    break
-
-    def _together(
-        self, taken: dict[int, Assessment], searches: Mapping[int, DriveSearch]
-    ) -> dict[int, Assessment]:
-        """The lightest set that swings no slower than `lowest_frequency`; else each by itself."""
-        wanted = self.conditions.lowest_frequency
-        turning = [i for i in sorted(searches) if not searches[i].arrays.linear]
-        fronts = [searches[i].front() for i in turning]
-        if wanted is None or self.scene.loops or not turning or not all(fronts):
-            return taken
-        self.progress(f"drives that swing at {wanted:g} Hz together")
-        arm = self.arm(turning, {i: m for i, m in self._added(taken).items() if i not in turning})
-        table = []
-        for i, front in zip(turning, fronts, strict=True):
-            added = [self._added({i: a}).get(i, 0.0) for a in front]
-            table.append(
-                [
-                    (
-                        a.candidate.mass or 0.0,
-                        stiffness_of(a),
-                        more if carried(self.scene, i) else 0.0,
-                    )
-                    for a, more in zip(front, added, strict=True)
-                ]
-            )
-        picked, _ = stiff_enough(arm, table)
-        if picked is None:
-            return taken
-        return taken | {i: front[p] for i, front, p in zip(turning, fronts, picked, strict=True)}
-
-    def _shared(
-        self, taken: Mapping[int, Assessment], searches: Mapping[int, DriveSearch]
-    ) -> dict[int, Assessment]:
-        """The lightest motor and gear of each group of `same_drive`, if one fits all its joints."""
-        found: dict[int, Assessment] = {}
-        for group in self.conditions.same_drive:
-            own = [i for i in map(self.scene.actuator_names.index, group) if i in searches]
-            if not own:
-                continue
-            heaviest = max(own, key=lambda i: taken[i].candidate.mass or 0.0 if i in taken else 0.0)
-            for _, _, *drive in searches[heaviest].offers():
-                judged = {i: searches[i].judge(*drive) for i in own}
-                banned = {a.candidate.name for a in judged.values()} & {
-                    name for i in own for name in searches[i].parts.banned
-                }
-                if all(a.fits for a in judged.values()) and not banned:
-                    found |= judged
-                    break
-        return found
-
-    def arm(self, turning: Sequence[int], others: Mapping[int, float]) -> SwingingArm:
-        """Return the arm that swings on the gears of some drives, at every pose of the cycle."""
-        states = self.robot.base.result.states
-        poses = np.flatnonzero(np.append(True, (states.q[1:] != states.q[:-1]).any(axis=1)))
-        own = [self.scene.drives[i].velocity_index for i in turning]
-        still = self.robot.mass_matrices(others, poses)
-        per_mass = np.zeros((len(turning), len(poses), len(own), len(own)))
-        for k, i in enumerate(turning):
-            if carried(self.scene, i):
-                more = self.robot.mass_matrices({**others, i: 1.0}, poses) - still
-                per_mass[k] = more[:, own][:, :, own]
-        assert self.conditions.lowest_frequency is not None
-        return SwingingArm(still[:, own][:, :, own], per_mass, self.conditions.lowest_frequency)
-
-    def _joint(self, i: int, taken: Mapping[int, Assessment]) -> JointSizing:
-        """The joint with all chosen drives in the model."""
-        masses, found = self._added(taken), taken.get(i)
-        cases, search = self._cases(i, masses), self._search(i, masses)
-        # other scenes have motions of their own, which the tables do not show
-        shown = {n: c for n, c in cases.items() if self._mounting(n) not in self.elsewhere}
-        ranked = {
-            n: c for n, c in shown.items() if found and c.cycle.duty == found.drives.case.cycle.duty
-        }
-        decided, case = next(iter((ranked or shown).items()))
-        mounted = self._mounting(decided)
-        demand = joint_demand(self.robots[mounted].result, i, case.cycle)
-        demand = replace(demand, speed=case.demand.speed)
-        robot = self.robots[mounted]
-        base = robot.base.result
-        alone = joint_demand(base, i, robot.cycle(i, case.cycle.duty)) if masses else demand
-        motor = None
-        if found is not None and found.motor is not None:
-            motor = motor_cycle(found.candidate, case.cycle, self.conditions)
-        return JointSizing(
-            demand,
-            case.cycle,
-            alone,
-            case.load_inertia,
-            motor,
-            choice=found if found is not None and found.fits else None,
-            nearest=found if found is not None and not found.fits else None,
-            nothing_because="" if search and search.arrays.count else self._no_candidates(i),
-            unloaded=self._is_unloaded(i),
-            search=search,
-            decided=decided,
-            mountings=self._by_mounting(cases),
-        )
-
-    def _mounting(self, name: str) -> str:
-        """The mounting of a case by its name; "": the scene's own."""
-        return next((words for words in self.robots if words and words in name), "")
-
-    def _by_mounting(self, cases: Mapping[str, JointCase]) -> dict[str, tuple[float, float]]:
-        """RMS and peak effort of a joint in each mounting; empty: there is one."""
-        found: dict[str, tuple[float, float]] = {}
-        for name, case in cases.items() if len(self.robots) > 1 else ():
-            words = self._mounting(name) or file_name(self.scene.source)
-            before, worst = found.get(words, (0.0, 0.0)), case.cycle.ends[0]
-            now = rms(case.cycle.stretched, worst), float(np.abs(worst).max())
-            found[words] = max(before[0], now[0]), max(before[1], now[1])
-        return found
-
-    def _no_candidates(self, i: int) -> str:
-        """Why there are no candidates; empty without a catalogue, or where none is asked for."""
-        if self.catalog is None or self._is_unloaded(i):
-            return ""
-        if driven_joint(self.scene, i) is None:
-            return "motors and gears are for joints with one axis, not for cylinders and forces"
-        if not self.catalog.motors and not self.catalog.gearmotors:
-            return f"{self.catalog.source} has no motors"
-        output = "linear" if effort_unit(self.scene, i) == "N" else "rotary"
-        if any(gear.output == output for gear in self.catalog.gears.values()):
-            return (
-                f"no motor of {self.catalog.source} goes with its gears: a frameless kit needs a "
-                "strain wave gear, and a gear with `motors` one of these"
-            )
-        return f"{self.catalog.source} has no gear with a {output} output"
-
-
-def _means(robot: DrivenRobot, i: int) -> dict[str, Schedule | None]:
-    """What a joint's means are taken over: its cycle, with a rating each part of it."""
-    return {"": None} if robot.rating is None else dict(robot.rating.means(i))
-
-
-def brakes_of(catalog: Catalog, scene: Scene) -> dict[str, Brake]:
-    """Return the brakes that a robot may have, the smallest first.
-
-    Where the scene says how it is stopped: those with an `engage_time`, if there are any.
+    One simulation of the stops judges the choice; what it finds too weak must bear a little
+    more than it says, and the choice begins anew, twice at most.
     """
-    timed = {n: brake for n, brake in catalog.brakes.items() if brake.engage_time is not None}
-    return ranked(catalog.brakes if scene.stops is None else timed or catalog.brakes)
+    choice = bearing_stops(task)
+    impossible = contradiction(task, choice.taken)
+    if impossible and (light := light_enough(task, choice)) is not None:
+        choice, impossible = light
+    elif impossible:
+        task, mass = task.with_masses("without_drives"), choice.mass
+        choice = bearing_stops(task)
+        impossible += f"; {mass:.2f} kg of drives so, {choice.mass:.2f} kg where added"
+    for again in range(_STOPPED_AGAIN + 1):
+        report = _report(task, choice, impossible)
+        stops, why = _stopped(task, report)
+        axes = () if stops is None else stops.axes
+        short = overloaded({i: axis.peak for i, axis in enumerate(axes)}, choice.taken)
+        if not short or again == _STOPPED_AGAIN:
+            break
+        more = {i: _STOP_RESERVE * peak for i, peak in short.items()}
+        least = {**choice.demanded.least, **more}
+        efforts = {**choice.demanded.efforts, **least}
+        choice = bearing_stops(task, replace(choice.demanded, efforts=efforts, least=least))
+    return replace(report, stops=stops, no_stops=why, other_mass=_other_mass(task, choice))
 
 
-def _mass(taken: Mapping[int, Assessment]) -> float:
-    return sum(a.candidate.mass or 0.0 for a in taken.values())
+def _report(task: Task, choice: Choice, impossible: str) -> SizingReport:
+    """The report of a choice, without its stops."""
+    joints = tuple(_joint(task, choice, i) for i in range(len(task.scene.drives)))
+    chosen = {i: a.candidate for i, a in choice.taken.items()}
+    equipped = equip(task.scene, chosen, task.conditions) if chosen else task.scene
+    without, rating = task.robot.base.result, task.rating
+    cycles = rating is None or rating.duty is not None
+    gaps = unclosed(without, task.duty) if cycles else ()
+    source = str(getattr(task.motion, "source", "motion"))
+    return SizingReport(
+        scene=equipped,
+        given=task.given,
+        catalog=task.catalog,
+        conditions=task.conditions,
+        trajectory=source if rating is None else rating.source,
+        files=task.files,
+        joints=joints,
+        result=inverse_dynamics(equipped, task.motion) if chosen else without,
+        result_without_masses=without,
+        duty=task.duty,
+        passes=choice.passes,
+        settled=choice.settled,
+        assumptions=caveats(
+            task.given,
+            task.catalog,
+            gaps,
+            discontinuities(without, task.duty) if cycles else (),
+            beyond_limits(without),
+        ),
+        unclosed=gaps,
+        contradiction=impossible,
+        rating=rating,
+        elsewhere=tuple(task.elsewhere),
+        open_stops=choice.open_stops,
+    )
 
 
-def _names(taken: Mapping[int, Assessment]) -> dict[int, str]:
-    return {i: assessment.candidate.name for i, assessment in taken.items()}
+def _other_mass(task: Task, choice: Choice) -> float | None:
+    """Mass of the drives if the links hold them; None: as `SizingReport.other_mass`."""
+    scene = task.scene
+    names, holds = scene.actuator_names, scene.masses_hold
+    if not any(holds[i] is None and carried(scene, i) for i in choice.taken):
+        return None
+    bare = {n: "without_drives" for n, hold in zip(names, holds, strict=True) if hold is False}
+    other = task.with_masses({**bare, OTHERS: "with_drives"})
+    held = bearing_stops(other, Demanded(most=choice.demanded.most))
+    return None if contradiction(other, held.taken) else held.mass
+
+
+def _stopped(task: Task, report: SizingReport) -> tuple[StopResult | None, str]:
+    """The stops with the chosen drives and brakes, or why there are none."""
+    if task.scene.stops is None or task.catalog is None or any(j.no_fit for j in report.joints):
+        return None, ""
+    if not task.stops_once:
+        what = "judged for one cycle, not for a duty of several or a rating alone"
+        return None, f"stops: {what}"
+    names = sorted({drive.brake for drive in report.drives if drive} - {""})
+    if slow := [n for n in names if task.catalog.brakes[n].engage_time is None]:
+        return None, (
+            f"stops: {', '.join(slow)} of the catalogue has no `engage_time`; give it the time "
+            "(s) from power-off until it holds, as its maker states it"
+        )
+    task.progress("stops of the chosen drives")
+    motion = task.one_cycle(report.scene, task.robot)
+    pairs = zip(report.joints, report.drives, strict=True)
+    products = {joint.name: drive.name for joint, drive in pairs if drive}
+    load, settings = full_load(report.scene, motion), stop_settings(report.scene, None)
+    try:
+        return stops_of(Machines(report.scene, settings, load, products), motion), ""
+    except StopError as problem:
+        return None, str(problem)
+
+
+def _joint(task: Task, choice: Choice, i: int) -> JointSizing:
+    """The joint with all chosen drives in the model."""
+    masses, drive = task.added(choice.taken), choice.taken.get(i)
+    by_name = cases(task, i, masses, choice.demanded)
+    search = search_at(task, i, masses, choice.demanded)
+    # other scenes have motions of their own, which the tables do not show
+    shown = {n: c for n, c in by_name.items() if _mounting(task, n) not in task.elsewhere}
+    same = {
+        n: c for n, c in shown.items() if drive and c.cycle.duty == drive.drives.case.cycle.duty
+    }
+    decided, case = next(iter((same or shown).items()))
+    robot = task.robots[_mounting(task, decided)]
+    demand = replace(joint_demand(robot.result, i, case.cycle), speed=case.demand.speed)
+    base = robot.base.result
+    motor = None
+    if drive is not None and drive.motor is not None:
+        motor = motor_cycle(drive.candidate, case.cycle, task.conditions)
+    return JointSizing(
+        demand,
+        case.cycle,
+        joint_demand(base, i, robot.cycle(i, case.cycle.duty)) if masses else demand,
+        case.load_inertia,
+        motor,
+        choice=drive if drive is not None and drive.fits else None,
+        nearest=drive if drive is not None and not drive.fits else None,
+        nothing_because="" if search and search.arrays.count else _no_candidates(task, i),
+        unloaded=task.is_unloaded(i),
+        search=search,
+        decided=decided,
+        mountings=_by_mounting(task, by_name),
+    )
+
+
+def _mounting(task: Task, name: str) -> str:
+    """The mounting of a case by its name; "": the scene's own."""
+    return next((words for words in task.robots if words and words in name), "")
+
+
+def _by_mounting(task: Task, by_name: Mapping[str, JointCase]) -> dict[str, tuple[float, float]]:
+    """RMS and peak effort of a joint in each mounting; empty: there is one."""
+    largest: dict[str, tuple[float, float]] = {}
+    for name, case in by_name.items() if len(task.robots) > 1 else ():
+        words = _mounting(task, name) or file_name(task.scene.source)
+        before, worst = largest.get(words, (0.0, 0.0)), case.cycle.ends[0]
+        now = rms(case.cycle.stretched, worst), float(np.abs(worst).max())
+        largest[words] = max(before[0], now[0]), max(before[1], now[1])
+    return largest
+
+
+def _no_candidates(task: Task, i: int) -> str:
+    """Why there are no candidates; empty without a catalogue, or where none is asked for."""
+    catalog = task.catalog
+    if catalog is None or task.is_unloaded(i):
+        return ""
+    if driven_joint(task.scene, i) is None:
+        return "motors and gears are for joints with one axis, not for cylinders and forces"
+    if not catalog.motors and not catalog.gearmotors:
+        return f"{catalog.source} has no motors"
+    output = "linear" if effort_unit(task.scene, i) == "N" else "rotary"
+    if any(gear.output == output for gear in catalog.gears.values()):
+        return (
+            f"no motor of {catalog.source} goes with its gears: a frameless kit needs a "
+            "strain wave gear, and a gear with `motors` one of these"
+        )
+    return f"{catalog.source} has no gear with a {output} output"

@@ -150,7 +150,7 @@ def test_stops_that_a_brake_without_a_time_prevents_say_which_brake(tmp_path):
 
 
 def test_a_gear_that_a_stop_overloads_gives_way_to_one_that_bears_it(tmp_path, monkeypatch):
-    monkeypatch.setattr("pinfric.sizing.size.cycle_peaks", lambda *_: np.array([110.0]))
+    monkeypatch.setattr("pinfric.sizing.choice.cycle_peaks", lambda *_: np.array([110.0]))
     gears = {"G": GEAR, "H": {**GEAR, "mass": 1.5, "momentary_peak_torque": 120.0}}
     path = write_catalog(tmp_path / "c.yaml", gears=gears, brakes={"B": BRAKE})
     steps, required = [], {"holding_brake": "all"}
@@ -169,7 +169,7 @@ def test_a_gear_that_a_stop_overloads_gives_way_to_one_that_bears_it(tmp_path, m
 
 def test_what_a_simulated_stop_overloads_must_bear_a_little_more(tmp_path, monkeypatch):
     """The algebra says nothing here; the simulated peak of 65.7 N m is more than 65 of G."""
-    monkeypatch.setattr("pinfric.sizing.size.cycle_peaks", lambda *_: np.zeros(1))
+    monkeypatch.setattr("pinfric.sizing.choice.cycle_peaks", lambda *_: np.zeros(1))
     gears = {
         "G": {**GEAR, "momentary_peak_torque": 65.0},
         "H": {**GEAR, "mass": 1.5, "momentary_peak_torque": 66.0},

@@ -31,8 +31,8 @@ from pinfric.drives.criterion import Status
 from pinfric.drives.drivetrain import Ratings, motor_cycle, motor_with_gear, with_brake
 from pinfric.drives.limits import check
 from pinfric.drives.policy import NEEDS, kind_of, lacks
+from pinfric.sizing.choice import choose
 from pinfric.sizing.drive_search import CatalogArrays, DriveSearch, Parts, rank
-from pinfric.sizing.size import _Sizing
 
 ARM = "ur10_machine_tending"
 
@@ -258,16 +258,16 @@ def altered(catalog, rng, kept):
 @pytest.mark.parametrize("count", [2, pytest.param(100, marks=pytest.mark.slow)])
 def test_the_choice_depends_on_no_other_drive_and_on_no_order(arm, count, monkeypatch):
     """Whatever was taken before gears had to bear its stops says what they must bear: it stays."""
-    kept, once = set(), _Sizing._choose
+    kept = set()
 
-    def recorded(self):
-        found = once(self)
-        made = [a.candidate for a in found[0].values()]
+    def recorded(*asked):
+        found = choose(*asked)
+        made = [a.candidate for a in found.taken.values()]
         kept.update(part for one in made for part in (one.motor, one.gear_name))
         return found
 
     with monkeypatch.context() as patched:
-        patched.setattr(_Sizing, "_choose", recorded)
+        patched.setattr("pinfric.sizing.choice.choose", recorded)
         whole = sized(arm)
     rng = random.Random(count)
     for _ in range(count):

@@ -1,7 +1,6 @@
 """Sizing: demands worked out by hand, drives with mass, ranking, and what does not fit."""
 
 import dataclasses
-import sys
 from io import StringIO
 from types import SimpleNamespace
 
@@ -42,8 +41,8 @@ from pinfric.motions.summary import summarize
 from pinfric.show.pages.sizing import sizing_page
 from pinfric.show.report.sizing import friction_line, sizing_report
 from pinfric.sizing.caveats import caveats
+from pinfric.sizing.choice import Demanded, choose, task_of
 from pinfric.sizing.drive_search import Ask
-from pinfric.sizing.size import _Sizing
 from pinfric.sizing.summary import sizing_summary, to_ask, unchecked
 
 UP, RUN, DOWN = (INERTIA * ACCELERATION + COULOMB, COULOMB, -INERTIA * ACCELERATION + COULOMB)
@@ -596,7 +595,7 @@ def test_what_most_joints_could_use_is_asked_for_first():
 
 
 def test_a_choice_that_goes_on_changing_is_said(tmp_path, monkeypatch):
-    monkeypatch.setattr(sys.modules["pinfric.sizing.size"], "_MOST_PASSES", 1)
+    monkeypatch.setattr("pinfric.sizing.choice._MOST_PASSES", 1)
     scene = arm(2)
     with pytest.warns(pf.PinfricWarning, match="still alternates after 1 pass"):
         report = pf.size(
@@ -605,21 +604,21 @@ def test_a_choice_that_goes_on_changing_is_said(tmp_path, monkeypatch):
     assert (report.passes, report.settled) == (1, False)
 
 
-def test_of_drives_that_alternate_the_heavier_one_stays():
+def test_of_drives_that_alternate_the_heavier_one_stays(monkeypatch):
     """Its own mass balances a joint, so that the light one would do; its mass does not."""
     scene, mass = arm(2), {"light": 0.5, "heavy": 1.5, "huge": 3.0}
-    sizing = _Sizing(scene, still(scene), Catalog("c"), Conditions(), lambda _: None)
+    task = task_of(scene, still(scene), Catalog("c"), Conditions(), lambda _: None)
 
-    def search(i, masses, friction=True):
-        none = sizing.banned.get(i, set()) | ({"light"} if masses.get(1, 0.0) < 1.0 else set())
+    def search(task, i, masses, demanded):
+        none = demanded.banned.get(i, set()) | ({"light"} if masses.get(1, 0.0) < 1.0 else set())
         name = next(name for name in mass if name not in none)
         found = SimpleNamespace(candidate=SimpleNamespace(name=name, mass=mass[name]))
         return SimpleNamespace(lightest=lambda: found)
 
-    sizing._search = search
-    taken, _, settled = sizing._choose()
-    assert settled
-    assert taken[1].candidate.name == "heavy"
+    monkeypatch.setattr("pinfric.sizing.choice.search_at", search)
+    choice = choose(task, Demanded())
+    assert choice.settled
+    assert choice.taken[1].candidate.name == "heavy"
 
 
 def test_progress_names_the_pass_and_the_drive(tmp_path):

@@ -1,0 +1,581 @@
+"""The choice of drives for a robot along its cycles: from the tips to the base until it stays."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from pinfric.drives.brake import ranked
+from pinfric.drives.catalog import Brake, Catalog
+from pinfric.drives.demand import DriveCycle, drive_cycle, driven_joint
+from pinfric.drives.drivetrain import Candidate
+from pinfric.drives.duty import Duty, Schedule, once
+from pinfric.drives.friction import without_drives
+from pinfric.drives.held import held_drives
+from pinfric.drives.limit import JointCase
+from pinfric.drives.mounting import mountings, turned_as
+from pinfric.drives.parts import own_parts
+from pinfric.drives.policy import Conditions
+from pinfric.drives.rated import RatedCycle
+from pinfric.drives.robot import DrivenRobot, added_masses, carried, equip, tip_to_base
+from pinfric.dynamics.inverse.result import InverseResult
+from pinfric.dynamics.samples.states import MotionLike
+from pinfric.errors import PinfricWarning, SizingError, StopError
+from pinfric.model.massless import massless
+from pinfric.model.scene import Scene
+from pinfric.model.schema import Stops
+from pinfric.motions.rating import Rated
+from pinfric.motions.summary import effort_unit, rms
+from pinfric.motions.trajectory import Trajectory
+from pinfric.sizing.branch import SwingingArm, stiff_enough
+from pinfric.sizing.drive_search import (
+    Assessment,
+    CatalogArrays,
+    DriveSearch,
+    Parts,
+    momentary_peak,
+    stiffness_of,
+)
+from pinfric.sizing.provisional import provisional
+from pinfric.stops.machines import Machines, full_load
+from pinfric.stops.peaks import braking, cycle_peaks
+
+#: Passes over all joints before an alternating choice is given up; two are usual.
+_MOST_PASSES = 12
+#: Passes after which a choice that comes back is banned.
+_PATIENCE = 4
+#: By which factor more than the peak by algebra a gear must bear where no simulation of the stops
+#: follows: simulated peaks are 0.68 to 1.15 of it, once 1.32.
+_NOT_SIMULATED = 1.3
+
+
+@dataclass(frozen=True)
+class Task:
+    """What is sized: a robot along its cycles, however it is mounted.
+
+    Attributes:
+        given: the scene. scene: the same without what the replaced drives lose.
+        motion, duty: the cycles, and which samples are which. rating: that the motion contains.
+        catalog: None: demand only. conditions: what is demanded.
+        robots: by how they are mounted: the scene's own "", then those that `mounting: any` asks
+            for, and those of other scenes, whose duties `elsewhere` has.
+        files: scene, URDF, cycles and catalogue. progress: called with a line at each step.
+        unloaded: (nv,) joints that move no mass.
+    """
+
+    given: Scene
+    scene: Scene
+    motion: MotionLike
+    duty: Schedule
+    rating: RatedCycle | None
+    catalog: Catalog | None
+    conditions: Conditions
+    robots: Mapping[str, DrivenRobot]
+    elsewhere: Mapping[str, Duty]
+    files: tuple[str, ...]
+    unloaded: np.ndarray
+    progress: Callable[[str], object]
+    _arrays: dict[bool, CatalogArrays] = field(default_factory=dict)
+
+    @property
+    def robot(self) -> DrivenRobot:
+        """As the scene mounts it."""
+        return self.robots[""]
+
+    @property
+    def stops_once(self) -> bool:
+        """Whether the scene says how it is stopped, of one cycle."""
+        stops = self.scene.stops is not None and self.catalog is not None
+        return stops and len(list(self.duty.parts())) == 1
+
+    def with_masses(self, masses: str | Mapping[str, str]) -> Task:
+        """Return the same with another `robot.masses` of the scene."""
+        given, scene = (replace(x, masses=masses) for x in (self.given, self.scene))
+        return replace(self, given=given, scene=scene)
+
+    def added(self, taken: Mapping[int, Assessment]) -> dict[int, float]:
+        """Return the masses that drives add to the robot's links, by the drives' columns."""
+        masses = {i: a.candidate.mass for i, a in taken.items()}
+        return added_masses(self.scene, self.conditions, masses)
+
+    def is_unloaded(self, i: int) -> bool:
+        """Return whether a drive's joint moves no mass."""
+        column = self.scene.drives[i].velocity_index
+        return column >= 0 and bool(self.unloaded[column])
+
+    def arrays(self, catalog: Catalog, linear: bool) -> CatalogArrays:
+        """Return the drives of the catalogue for turning, or for sliding joints."""
+        if linear not in self._arrays:
+            brakes = brakes_of(catalog, self.scene)
+            self._arrays[linear] = CatalogArrays(catalog, self.conditions, linear, brakes)
+        return self._arrays[linear]
+
+    def one_cycle(self, scene: Scene, robot: DrivenRobot) -> Trajectory:
+        """Return the cycles without a rating, or a rating alone, as a motion of a scene."""
+        states, rating = robot.result.states, robot.rating
+        part = rating.own if rating is not None and rating.cycles else slice(None)
+        carried = states.attached
+        attached = (
+            {} if carried is None else dict(zip(scene.payloads, carried[part].T, strict=True))
+        )
+        return Trajectory.from_arrays(
+            scene,
+            robot.result.times[part],
+            states.q[part],
+            states.v[part],
+            states.a[part],
+            attached,
+            source=str(getattr(robot.motion, "source", "motion")),
+        )
+
+
+def task_of(
+    scene: Scene,
+    trajectory: MotionLike | Duty | None,
+    catalog: Catalog | None,
+    conditions: Conditions,
+    progress: Callable[[str], object],
+    rated: Rated | None = None,
+) -> Task:
+    """Return what is sized; arguments as of `size`.
+
+    Raises:
+        SizingError: neither a cycle nor a rating, or both of kinds that do not go together; no
+            link that moves has a mass.
+    """
+    # 1. The motion: cycles, a rating, or both one behind the other
+    motion: MotionLike
+    duty, rating = None, None
+    cycles = [c for c, _ in trajectory.cycles] if isinstance(trajectory, Duty) else [trajectory]
+    if rated is not None:
+        if isinstance(trajectory, Trajectory):
+            trajectory = Duty(((trajectory, 1.0),))
+        if not isinstance(trajectory, Duty | None):
+            raise SizingError("beside a rating the cycle must be a Trajectory or a Duty")
+        rating = RatedCycle.of(rated, trajectory)
+        motion, duty, scene = rating.motion, rating.schedule, rated.scene
+    elif isinstance(trajectory, Duty):
+        motion, duty = trajectory.motion(), trajectory.schedule()
+    elif trajectory is None:
+        raise SizingError("give a cycle, or a rating: rating={'payload': 10} (kg)")
+    else:
+        motion = trajectory
+    every = [drive.name for drive in scene.drives] if catalog is not None else ()
+    given, scene = scene, without_drives(scene, every)
+    # 2. The robot in each of its mountings
+    robots = {"": DrivenRobot(scene, motion, duty, conditions, rating)}
+    if conditions.mounting == "any":
+        for words, gravity in mountings(scene).items():
+            turned = scene.with_(gravity=gravity)
+            robots[words] = DrivenRobot(turned, motion, duty, conditions, rating)
+    elsewhere: dict[str, Duty] = {}
+    others = trajectory.elsewhere if isinstance(trajectory, Duty) else ()
+    for other, there in others:
+        if rated is not None:
+            raise SizingError(
+                "a rating beside cycles of other scenes: give the condition mounting=any, or "
+                "size without the rating"
+            )
+        words, gravity = turned_as(given, other), other.model.gravity.linear
+        if words in elsewhere:
+            raise SizingError(f"duty: {words} is there twice; give all its cycles in one duty")
+        if catalog is not None and not gravity.any():
+            raise SizingError(f"{words}: robot.gravity is [0, 0, 0]; give the gravity")
+        elsewhere[words] = there
+        turned, schedule = scene.with_(gravity=gravity), there.schedule()
+        robots[words] = DrivenRobot(turned, there.motion(), schedule, conditions)
+        cycles += [cycle for cycle, _ in there.cycles]
+    # 3. What was read, and whether there is anything to size
+    files = [given.source, *(other.source for other, _ in others)]
+    files += [] if given.robot is None else [str(given.robot.urdf)]
+    files += [getattr(cycle, "source", "") for cycle in cycles]
+    files += () if catalog is None else catalog.files
+    unloaded = massless(scene, scene.payloads)
+    if unloaded.all():
+        raise SizingError(
+            f"{scene.source}: no link that moves has a mass, so there is nothing to size: give "
+            "the URDF's links an <inertial>; `pinfric new URDF --mass KG` makes a start"
+        )
+    return Task(
+        given,
+        scene,
+        motion,
+        duty or once(len(robots[""].result.states.q)),
+        rating,
+        catalog,
+        conditions,
+        robots,
+        elsewhere,
+        tuple(map(str, files)),
+        unloaded,
+        progress,
+    )
+
+
+@dataclass(frozen=True)
+class Demanded:
+    """What drives must meet beside the cycle, by their columns.
+
+    Attributes:
+        efforts: that gears must bear in stops, N m or N. note: where these are from, in words.
+        least: what of it a simulation of the stops showed.
+        braking: what braking under power from each sample takes, without payload and with.
+        most: kg, that a drive may weigh. banned: names of drives that may not be taken again.
+    """
+
+    efforts: Mapping[int, float] = field(default_factory=dict)
+    note: str = ""
+    least: Mapping[int, float] = field(default_factory=dict)
+    braking: Mapping[int, tuple[DriveCycle, ...]] = field(default_factory=dict)
+    most: float = np.inf
+    banned: Mapping[int, frozenset[str]] = field(default_factory=dict)
+
+    def of_stops(self, i: int) -> dict[str, Any]:
+        """Return what is known of a joint's stops, as fields of its case."""
+        note, braked = self.note * (i in self.efforts), self.braking.get(i, ())
+        effort = self.efforts.get(i, np.nan)
+        return {"stop_effort": effort, "stop_note": note, "braking": braked}
+
+
+@dataclass(frozen=True)
+class Choice:
+    """Drives taken, by their columns: those that fit, provisional ones, the closest ones.
+
+    Attributes:
+        taken: with their criteria. demanded: what they were held against beside the cycle.
+        passes: over all joints until no choice changed. settled: no choice changed in the last.
+        open_stops: of a rating alone, what gears would have to bear in stops, N m or N; no drive
+            was chosen by it.
+    """
+
+    taken: Mapping[int, Assessment]
+    demanded: Demanded
+    passes: int = 0
+    settled: bool = True
+    open_stops: Mapping[int, float] = field(default_factory=dict)
+
+    @property
+    def mass(self) -> float:
+        """Of all drives, as far as it is known, kg."""
+        return sum(a.candidate.mass or 0.0 for a in self.taken.values())
+
+    @property
+    def names(self) -> dict[int, str]:
+        """Of the drives."""
+        return _names(self.taken)
+
+
+def _names(taken: Mapping[int, Assessment]) -> dict[int, str]:
+    return {i: assessment.candidate.name for i, assessment in taken.items()}
+
+
+def bearing_stops(task: Task, demanded: Demanded | None = None) -> Choice:
+    """Choose; gears must bear the stops of all joints together with this choice; again.
+
+    Until the choice bears its own stops and none lighter would do: what it takes depends on no
+    drive that was chosen before. Only where choices come back the largest peaks count. Where no
+    simulation follows, gears must bear 1.3 times what algebra says. Of a rating alone no choice
+    is made by it, unless the scene has `stops`: what its gears do not bear is not signed.
+    """
+    choice, scene, seen = choose(task, demanded or Demanded()), task.scene, list[dict[int, str]]()
+    if task.catalog is None or scene.linkage is not None or scene.mobility.redundant:
+        return choice
+    for _ in range(_MOST_PASSES):
+        taken, before = choice.taken, choice.demanded
+        if scene.stops is None and not any(a.candidate.brake for a in taken.values()):
+            break
+        # 1. What the gears must bear with this choice
+        fit = len(taken) == len(scene.drives) and all(a.fits for a in taken.values())
+        factor = 1.0 if task.stops_once and fit else _NOT_SIMULATED
+        try:
+            most, powered = _stop_peaks(task, taken)
+        except StopError:  # the simulation says what is missing
+            break
+        peaks = {i: max(factor * float(most[i]), before.least.get(i, 0.0)) for i in taken}
+        if task.rating is not None and not task.rating.cycles and scene.stops is None:
+            return replace(choice, open_stops=peaks)
+        if choice.names in seen:
+            peaks |= {i: max(x, peaks[i]) for i, x in before.efforts.items() if i in peaks}
+        note = f"{factor:g} x " * (factor > 1.0) + "the peak in stops of all joints"
+        after = replace(before, efforts=peaks, note=note)
+        if not before.efforts and not overloaded(peaks, taken) and not powered:
+            stopped = {i: a.where(**after.of_stops(i)) for i, a in taken.items()}
+            return replace(choice, taken=stopped, demanded=after)  # it stays the lightest
+        # 2. The choice that bears it
+        seen.append(choice.names)
+        braked = {
+            i: tuple(drive_cycle(x, i, np.zeros(len(x.effort_lower), dtype=bool)) for x in powered)
+            for i in taken
+        }
+        task.progress("gears that bear the stops of all joints together")
+        again = choose(task, replace(after, braking=braked))
+        choice = replace(again, passes=choice.passes + again.passes)
+        if choice.names == seen[-1]:
+            break
+    return choice
+
+
+def overloaded(peaks: Mapping[int, float], taken: Mapping[int, Assessment]) -> dict[int, float]:
+    """Return the peaks (N m or N), by the drives' columns, that are more than gears bear."""
+    return {i: peak for i, peak in peaks.items() if i in taken and peak > momentary_peak(taken[i])}
+
+
+def _stop_peaks(
+    task: Task, taken: Mapping[int, Assessment]
+) -> tuple[np.ndarray, tuple[InverseResult, ...]]:
+    """`cycle_peaks` of a choice in each mounting, and `braking`.
+
+    A brake of unknown inertia has next to none: a heavy rotor relieves its gear. Of a scene
+    that does not say how it is stopped all brakes close at once.
+    """
+    stops, chosen = task.scene.stops, dict[int, Candidate]()
+    for i, made in ((i, a.candidate) for i, a in taken.items()):
+        if (gear := made.transmission) is not None and gear.brake is not None:
+            brake = gear.brake.model_copy(update={} if stops else {"engage_time": None})
+            inertia = gear.rotor_inertia - made.brake_unsure
+            gear = gear.model_copy(update={"rotor_inertia": inertia, "brake": brake})
+            made = replace(made, transmission=gear)
+        chosen[i] = made
+    scene = equip(task.scene, chosen, task.conditions)
+    powers, most = list[InverseResult](), np.zeros(len(scene.drives))
+    for words, robot in task.robots.items():
+        gravity = robot.scene.model.gravity.linear
+        turned = scene.with_(gravity=gravity) if words else scene
+        motion = task.one_cycle(turned, robot)
+        settings = stops or Stops(category=0, reaction_time=0.0)
+        machines = Machines(turned, settings, full_load(turned, motion))
+        powered = braking(machines, motion)
+        most = np.maximum(most, cycle_peaks(machines, motion, powered))
+        powers += powered
+    return most, tuple(powers)
+
+
+def choose(task: Task, demanded: Demanded) -> Choice:
+    """Return the lightest drives that fit, each with the masses of those beyond it in the model.
+
+    From the tips to the base, and all over again until no choice changes.
+
+    Warns:
+        PinfricWarning: it still alternates after twelve passes.
+    """
+    taken: dict[int, Assessment] = {}
+    if task.catalog is None:
+        return Choice(taken, demanded)
+    seen: list[dict[int, Assessment]] = []
+    for passes in range(1, _MOST_PASSES + 1):
+        before = _names(taken)
+        searches: dict[int, DriveSearch] = {}
+        for i in tip_to_base(task.scene):
+            task.progress(f"pass {passes}: {task.scene.drives[i].name}")
+            search = search_at(task, i, task.added(taken), demanded)
+            if search is None:
+                continue
+            searches[i] = search
+            best = search.lightest() or provisional(search) or search.nearest()
+            taken.pop(i, None)
+            if best is not None:
+                taken[i] = best
+        if task.conditions.lowest_frequency is not None:
+            taken = _together(task, taken, searches)
+        taken |= _shared(task, taken, searches)
+        exact = {k: m for k, m in task.added(taken).items() if m and carried(task.scene, k)}
+        if _names(taken) == before and (task.robot.exact or task.robot.last.masses == exact):
+            return Choice(taken, demanded, passes)
+        for robot in task.robots.values():
+            robot.solve(task.added(taken))
+        demanded = _ban(task, demanded, seen, taken)
+    warnings.warn(
+        f"the choice of drives still alternates after {_MOST_PASSES} passes",
+        PinfricWarning,
+        stacklevel=4,
+    )
+    return Choice(taken, demanded, _MOST_PASSES, settled=False)
+
+
+def search_at(
+    task: Task, i: int, masses: Mapping[int, float], demanded: Demanded
+) -> DriveSearch | None:
+    """Return the drives of the catalogue at a joint; None: it takes none.
+
+    Args:
+        i: the drive's column. masses: that other drives add, kg, by their columns.
+    """
+    catalog = task.catalog
+    if catalog is None or driven_joint(task.scene, i) is None or task.is_unloaded(i):
+        return None
+    linear = effort_unit(task.scene, i) == "N"
+    own = own_parts(catalog, task.conditions, task.scene.drives[i].name, linear)
+    arrays = task.arrays(catalog, linear)
+    parts = Parts(own, demanded.banned.get(i, frozenset()), demanded.most)
+    first, *others = cases(task, i, masses, demanded).values()
+    return DriveSearch(arrays, first, parts, [DriveSearch(arrays, x, parts) for x in others])
+
+
+def cases(
+    task: Task, i: int, masses: Mapping[int, float], demanded: Demanded
+) -> dict[str, JointCase]:
+    """Return a joint, with a rating once by each of its parts, and once by each mounting.
+
+    The one of largest RMS effort first. A brake holds the largest load of all mountings, where
+    their motions differ in every pose.
+
+    Args:
+        i: the drive's column. masses: that other drives add, kg, by their columns.
+    """
+    found = {
+        " ".join(x for x in (name, mounting) if x): robot.case(i, masses, schedule)._replace(
+            **demanded.of_stops(i)
+        )
+        for mounting, robot in task.robots.items()
+        for name, schedule in _means(robot, i).items()
+    }
+    if len(task.robots) > 1:
+        rests = [case.rest for case in found.values() if case.rest is not None]
+        loads = [np.abs(rest.load) for rest in rests]
+        alike = len({len(load) for load in loads}) == 1
+        most = np.max(loads, axis=0) if alike else max(load.max() for load in loads)
+        peak = max(rest.peak for rest in rests)
+        found = {
+            name: case._replace(
+                rest=case.rest and case.rest._replace(load=most + 0.0 * case.rest.load, peak=peak)
+            )
+            for name, case in found.items()
+        }
+    effort = {n: rms(c.cycle.stretched, c.cycle.ends[0]) for n, c in found.items()}
+    return {name: found[name] for name in sorted(found, key=lambda name: -effort[name])}
+
+
+def _means(robot: DrivenRobot, i: int) -> dict[str, Schedule | None]:
+    """What a joint's means are taken over: its cycle, with a rating each part of it."""
+    return {"": None} if robot.rating is None else dict(robot.rating.means(i))
+
+
+def _ban(
+    task: Task,
+    demanded: Demanded,
+    seen: list[dict[int, Assessment]],
+    taken: Mapping[int, Assessment],
+) -> Demanded:
+    """Ban the lightest of what alternates at the outermost joint where a choice comes back."""
+    now, before = _names(taken), [_names(one) for one in seen]
+    seen.append(dict(taken))
+    if len(before) >= _PATIENCE and now in before[:-1]:
+        for i in tip_to_base(task.scene):
+            found = [one.get(i) for one in seen[before.index(now) :]]
+            mass = {a.candidate.name: a.candidate.mass or 0.0 for a in found if a is not None}
+            if len(mass) + (None in found) > 1:
+                banned = demanded.banned.get(i, frozenset()) | {min(mass, key=mass.__getitem__)}
+                return replace(demanded, banned={**demanded.banned, i: banned})
+    return demanded
+
+
+def _together(
+    task: Task, taken: dict[int, Assessment], searches: Mapping[int, DriveSearch]
+) -> dict[int, Assessment]:
+    """The lightest set that swings no slower than `lowest_frequency`; else each by itself."""
+    wanted, scene = task.conditions.lowest_frequency, task.scene
+    turning = [i for i in sorted(searches) if not searches[i].arrays.linear]
+    fronts = [searches[i].front() for i in turning]
+    if wanted is None or scene.loops or not turning or not all(fronts):
+        return taken
+    task.progress(f"drives that swing at {wanted:g} Hz together")
+    others = {i: m for i, m in task.added(taken).items() if i not in turning}
+    table = [
+        [
+            (
+                a.candidate.mass or 0.0,
+                stiffness_of(a),
+                task.added({i: a}).get(i, 0.0) if carried(scene, i) else 0.0,
+            )
+            for a in front
+        ]
+        for i, front in zip(turning, fronts, strict=True)
+    ]
+    picked, _ = stiff_enough(_arm(task, turning, others, wanted), table)
+    if picked is None:
+        return taken
+    return taken | {i: front[p] for i, front, p in zip(turning, fronts, picked, strict=True)}
+
+
+def _arm(
+    task: Task, turning: Sequence[int], others: Mapping[int, float], frequency: float
+) -> SwingingArm:
+    """The arm that swings on the gears of some drives, at every pose of the cycle."""
+    robot, scene = task.robot, task.scene
+    states = robot.base.result.states
+    poses = np.flatnonzero(np.append(True, (states.q[1:] != states.q[:-1]).any(axis=1)))
+    own = [scene.drives[i].velocity_index for i in turning]
+    still = robot.mass_matrices(others, poses)
+    per_mass = np.zeros((len(turning), len(poses), len(own), len(own)))
+    for k, i in enumerate(turning):
+        if carried(scene, i):
+            more = robot.mass_matrices({**others, i: 1.0}, poses) - still
+            per_mass[k] = more[:, own][:, :, own]
+    return SwingingArm(still[:, own][:, :, own], per_mass, frequency)
+
+
+def _shared(
+    task: Task, taken: Mapping[int, Assessment], searches: Mapping[int, DriveSearch]
+) -> dict[int, Assessment]:
+    """The lightest motor and gear of each group of `same_drive`, if one fits all its joints."""
+    found: dict[int, Assessment] = {}
+    for group in task.conditions.same_drive:
+        own = [i for i in map(task.scene.actuator_names.index, group) if i in searches]
+        if not own:
+            continue
+        heaviest = max(own, key=lambda i: taken[i].candidate.mass or 0.0 if i in taken else 0.0)
+        for _, _, *drive in searches[heaviest].offers():
+            judged = {i: searches[i].judge(*drive) for i in own}
+            banned = {a.candidate.name for a in judged.values()} & {
+                name for i in own for name in searches[i].parts.banned
+            }
+            if all(a.fits for a in judged.values()) and not banned:
+                found |= judged
+                break
+    return found
+
+
+def contradiction(task: Task, taken: Mapping[int, Assessment]) -> str:
+    """Say that links are lighter than the drives that the scene says they hold; else empty."""
+    masses = {i: a.candidate.mass for i, a in taken.items()}
+    held = held_drives(task.scene, masses, task.conditions.mass_in_urdf)
+    worst = held[0] if held[0].share > 1.0 else max(held, key=lambda one: one.share)
+    if worst.share <= 1.0:
+        return ""
+    return (
+        f"robot.masses: {worst.where} weigh {worst.links:.3g} kg and cannot hold "
+        f"{worst.drives:.3g} kg of drives: write `without_drives`, or correct the masses"
+    )
+
+
+def light_enough(task: Task, choice: Choice) -> tuple[Choice, str] | None:
+    """Return a choice of drives that the links can hold, and what is said of it; None: none is.
+
+    None of it need be signed: each is at most its part of the links that weigh least for the
+    number of drives in them.
+    """
+    each = held_drives(task.scene, dict.fromkeys(choice.taken, 1.0), task.conditions.mass_in_urdf)
+    most = min(one.links / one.drives for one in each if one.drives)
+    light = bearing_stops(task, replace(choice.demanded, efforts={}, most=most))
+    fit = light.taken.keys() == choice.taken.keys()
+    fit = fit and all(a.fits or a.would for a in light.taken.values())
+    if not fit or contradiction(task, light.taken):
+        return None
+    why = contradiction(task, choice.taken).partition(" of drives: ")[0]
+    return light, (
+        f"{why} of drives that can be signed: lighter ones, of at most {most:.2g} kg each, are "
+        "provisional, or write `without_drives`"
+    )
+
+
+def brakes_of(catalog: Catalog, scene: Scene) -> dict[str, Brake]:
+    """Return the brakes that a robot may have, the smallest first.
+
+    Where the scene says how it is stopped: those with an `engage_time`, if there are any.
+    """
+    timed = {n: brake for n, brake in catalog.brakes.items() if brake.engage_time is not None}
+    return ranked(catalog.brakes if scene.stops is None else timed or catalog.brakes)
