@@ -36,9 +36,51 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _EFFORT, _STICKING, _CARRIED = BLUE, ORANGE, GREEN
-#: The band is drawn in two layers, white and over it a veil that makes its colour: the frictionless
-#: curve between them shows through, the shading below both does not.
-_VEIL, _VEIL_ALPHA = "#539FD1", 0.5
+#: A tick upward at an instant at rest, the line where a joint slides, the ring at the peak.
+_TICK: dict[str, Any] = {
+    "linestyle": "",
+    "marker": 2,
+    "markersize": 9,
+    "markeredgewidth": 1.4,
+    "color": "#B87400",
+    "zorder": 4.5,
+    "clip_on": False,
+    "gid": "passages",
+    "label": "passes through rest",
+}
+_SLIDING: dict[str, Any] = {
+    "color": _EFFORT,
+    "linewidth": 1.5,
+    "solid_capstyle": "round",
+    "zorder": 4,
+    "gid": "sliding",
+    "label": "effort where the joint slides",
+}
+_PEAK: dict[str, Any] = {
+    "linestyle": "",
+    "marker": "o",
+    "markersize": 4.5,
+    "markerfacecolor": "white",
+    "markeredgecolor": _EFFORT,
+    "markeredgewidth": 1.2,
+    "zorder": 5,
+    "gid": "peak",
+    "label": "peak",
+}
+#: Layers of the band: white, a veil over it that makes its colour, and an edge. The frictionless
+#: curve between the first two shows through, the shading below them does not.
+_BAND: tuple[dict[str, Any], ...] = (
+    {"zorder": 2.8, "color": "white", "linewidth": 0},
+    {
+        "zorder": 3,
+        "color": "#539FD1",
+        "alpha": 0.5,
+        "linewidth": 0,
+        "gid": "interval",
+        "label": "possible efforts where it sticks",
+    },
+    {"zorder": 3.7, "facecolor": "none", "edgecolor": _EFFORT, "linewidth": 0.7},
+)
 #: Pieces a long motion is cut into, each drawn by its extremes: more than a panel has pixels.
 _PIECES = 2000
 #: A stick of this part of the whole time is a line, not a band: three pixels wide.
@@ -215,90 +257,47 @@ def dress(axes: Axes, ticks: int) -> None:
 
 
 def _draw_panel(axes: Axes, result: InverseResult, i: int, zero: float) -> None:
+    """Draw one drive's effort over time; `zero`: what is not larger is rounding."""
     t, sticking, rubs = result.times, rests(result, i), sites_on(result.scene, i)
     lower, upper = result.effort_lower[:, i], result.effort_upper[:, i]
-    frictionless, interval = result.effort_frictionless[:, i], lower != upper
-    shade(axes, rest_spans(result, i), "time at rest")
-    # At rest for an instant: a stick too short to see, or a reversal; close ones make one tick
+    frictionless = result.effort_frictionless[:, i]
+    # 1. Instants at rest: sticks too short to see, and reversals; close ones make one tick
     instant = _INSTANT * float(np.ptp(t)) or 1.0
     passages = result.reversal[:, rubs].any(axis=1) & ~sticking
     for first, last in runs(sticking):
         passages[first : last + 1] = t[last] - t[first] <= instant
     moments = t[passages]
     moments = moments[np.unique(np.floor((moments - t[0]) / instant), return_index=True)[1]]
-    if moments.size:
-        axes.plot(
-            moments,
-            0.0 * moments,
-            transform=axes.get_xaxis_transform(),
-            linestyle="",
-            marker=2,  # a tick upward
-            markersize=9,
-            markeredgewidth=1.4,
-            color="#B87400",
-            zorder=4.5,
-            clip_on=False,
-            gid="passages",
-            label="passes through rest",
-        )
-    kept, change = thinned([lower, upper, frictionless]), np.flatnonzero(np.diff(interval))
-    if len(kept) < len(t) and len(change) <= 2 * _PIECES:  # also both sides of each change
+    lasting = (lower != upper) & sticking & ~passages
+    # 2. Of a long motion what the eye can tell apart, with both sides of each change
+    kept, change = thinned([lower, upper, frictionless]), np.flatnonzero(np.diff(lower != upper))
+    if len(kept) < len(t) and len(change) <= 2 * _PIECES:
         kept = np.union1d(kept, (change, change + 1))
-    lasting = (interval & sticking & ~passages)[kept]
-    t, lower, upper, frictionless, interval = (
-        x[kept] for x in (t, lower, upper, frictionless, interval)
+    t, lower, upper, frictionless, lasting = (
+        x[kept] for x in (t, lower, upper, frictionless, lasting)
     )
+    interval = lower != upper
+    # 3. Behind: times and instants at rest, the effort without friction
+    shade(axes, rest_spans(result, i), "time at rest")
+    if moments.size:
+        axes.plot(moments, 0.0 * moments, transform=axes.get_xaxis_transform(), **_TICK)
     if rubs:
         (line,) = axes.plot(t, frictionless, color=INK, linewidth=0.7, label="without friction")
         line.set(zorder=2.9, gid="frictionless")
-    # The band of possible efforts; of an instant at rest a vertical line
-    label = "possible efforts where it sticks" if lasting.any() else None
-    looks: tuple[dict[str, Any], ...] = (
-        {"zorder": 2.8, "color": "white", "linewidth": 0},
-        {
-            "zorder": 3,
-            "color": _VEIL,
-            "alpha": _VEIL_ALPHA,
-            "linewidth": 0,
-            "gid": "interval",
-            "label": label,
-        },
-        {"zorder": 3.7, "facecolor": "none", "edgecolor": _EFFORT, "linewidth": 0.7},
-    )
-    for look in looks:
+    # 4. Where it sticks: the band of possible efforts, of a sample alone a vertical line
+    for look in _BAND if lasting.any() else ():
         axes.fill_between(t, lower, upper, where=lasting.tolist(), **look)
-    instants = (interval & ~lasting) | _alone(lasting)
-    axes.vlines(
-        t[instants],
-        lower[instants],
-        upper[instants],
-        color=_EFFORT,
-        linewidth=1.2,
-        alpha=0.6,
-        zorder=3,
-        gid="instants",
-    )
-    sliding = np.where(interval, np.nan, upper)
-    (line,) = axes.plot(t, sliding, color=_EFFORT, linewidth=1.5, zorder=4, gid="sliding")
-    line.set(label="effort where the joint slides", solid_capstyle="round")
+    alone = (interval & ~lasting) | _alone(lasting)
+    lines = axes.vlines(t[alone], lower[alone], upper[alone], color=_EFFORT, linewidth=1.2)
+    lines.set(alpha=0.6, zorder=3, gid="instants")
+    # 5. Where it slides: a line, of a sample alone a dot; the peak
+    axes.plot(t, np.where(interval, np.nan, upper), **_SLIDING)
     dots = ~interval if len(t) <= _FEW else _alone(~interval)
     axes.plot(t[dots], upper[dots], ".", color=_EFFORT, markersize=4, zorder=4)
     worst, _ = ends_by_magnitude(lower, upper)
     peak = int(np.nan_to_num(np.abs(worst)).argmax())
-    axes.plot(
-        t[peak],
-        worst[peak],
-        linestyle="",
-        marker="o",
-        markersize=4.5,
-        markerfacecolor="white",
-        markeredgecolor=_EFFORT,
-        markeredgewidth=1.2,
-        zorder=5,
-        gid="peak",
-        label="peak",
-    )
-    # Limits: as little ink as a reader needs
+    axes.plot(t[peak], worst[peak], **_PEAK)
+    # 6. Limits: as little ink as a reader needs
     values = np.concatenate([lower, upper, frictionless, [0.0]])
     values = values[np.isfinite(values)]
     low, high = (values.min(), values.max()) if np.ptp(values) > zero else (-1.0, 1.0)

@@ -91,26 +91,25 @@ def set_stage(viewer: Any, scene: Scene, placements: np.ndarray) -> Stage:
         scene: the robot.
         placements: (F, nj, 7) of the joints in the frames that the view must show.
     """
-    from trimesh import creation
-
-    shapes, gravity = robot_shapes(scene), np.array(scene.model.gravity.linear)
-    # the world is turned so that gravity points down
+    # 1. What will be seen, in up to 24 frames, and its size; gravity points down
+    gravity = np.array(scene.model.gravity.linear)
     upright = np.eye(3) if np.linalg.norm(gravity) < 1e-9 else turn_between(gravity, -UP)
-    few = placements[np.unique(np.linspace(0, len(placements) - 1, 24).astype(int))]
+    shapes = robot_shapes(scene)
     boxes = {name: payload_box(scene, payload) for name, payload in scene.payloads.items()}
-    carried = {
+    payloads = {
         name: Shape("payload", joint, box.placement, box_mesh(box))
         for name, (joint, box) in boxes.items()
     }
-    points = [(shape.joint, shape.corners()) for shape in (*shapes, *carried.values())]
+    points = [(shape.joint, shape.corners()) for shape in (*shapes, *payloads.values())]
     points += [(joint, np.zeros((1, 3))) for joint in range(1, scene.model.njoints)]
-    seen = [
-        np.concatenate([_act(places, joint, local) for joint, local in points]) @ upright.T
-        for places in few
-    ]
-    size = max(float(np.median([np.linalg.norm(np.ptp(x, axis=0)) for x in seen])), 1e-3)
-    names = tuple(_node(name) for name in scene.joint_names)
-    nodes = ("world", *(f"world/{name}" for name in names))
+    few = placements[np.unique(np.linspace(0, len(placements) - 1, 24).astype(int))]
+    seen = np.array(
+        [np.concatenate([_act(x, joint, local) for joint, local in points]) for x in few]
+    )
+    seen = seen @ upright.T
+    size = max(float(np.median(np.linalg.norm(np.ptp(seen, axis=1), axis=1))), 1e-3)
+    # 2. The world, and a node for each joint with its shapes
+    nodes = ("world", *(f"world/{_node(name)}" for name in scene.joint_names))
     world = np.eye(4)
     world[:3, :3] = upright
     viewer["world"].set_transform(world)
@@ -121,33 +120,28 @@ def set_stage(viewer: Any, scene: Scene, placements: np.ndarray) -> Stage:
         node = viewer[f"{nodes[shape.joint]}/{shape.kind}_{n}"]
         node.set_object(Surface(mesh))
         node.set_transform(shape.placement.homogeneous)
+    # 3. In them markers of friction, payloads, drives, springs; the places at which the tool stops
     placed = tuple(markers.site_marker(scene, site, shapes, size) for site in scene.sites)
     sites = []
     for site, marker in zip(scene.sites, placed, strict=True):
         sites.append(f"{nodes[marker.joint]}/site {_node(site.name)}")
         _draw_marker(viewer[sites[-1]], marker, site, size)
-    payloads = {name: f"{nodes[x.joint]}/payload {_node(name)}" for name, x in carried.items()}
-    for name, path in payloads.items():
-        viewer[path].set_object(Surface(carried[name].mesh, PAYLOAD_COLOR, 0.8))
-        viewer[path].set_transform(carried[name].placement.homogeneous)
-        viewer[path].set_property("visible", bool(scene.payloads[name].attached))
-        held = scene.model.getFrameId(scene.payloads[name].link, pin.FrameType.BODY)
-        hand = carried[name].placement.actInv(scene.model.frames[held].placement.translation)
-        if np.linalg.norm(hand) > _LINE * size:  # by a rod from the link's origin
-            rod = creation.cylinder(_LINE * size, segment=[hand, np.zeros(3)]).smooth_shaded
-            viewer[path]["held"].set_object(Surface(rod, LINE_COLOR))
+    carried = {name: f"{nodes[x.joint]}/payload {_node(name)}" for name, x in payloads.items()}
+    for name, path in carried.items():
+        _draw_payload(viewer[path], payloads[name], scene, name, size)
     cylinders = _draw_linkage(viewer, scene.linkage, nodes, size) if scene.linkage else ()
     cylinders += _draw_springs(viewer, scene, size)
     for n, place in enumerate(tool_stops(scene, placements)):
         _draw_ball(viewer[f"world/stop_{n}"], STOP_COLOR, place, _STOP * size, on_top=True)
-    low, high = np.min(seen, axis=(0, 1)), np.max(seen, axis=(0, 1))
+    # 4. The floor, and how far away the camera sees it all
+    low, high = seen.min(axis=(0, 1)), seen.max(axis=(0, 1))
     _dress(viewer, upright, low[2] if low[2] < -0.02 * size else 0.0, size)
     middle = 0.5 * (low + high)
-    local = np.concatenate(seen) - middle
+    local = seen.reshape(-1, 3) - middle
     depth = local @ _LOOK
     aside = np.linalg.norm(local - depth[:, None] * _LOOK, axis=1)
     distance = float((aside / np.tan(np.deg2rad(0.5 * VIEW)) + depth).max())
-    return Stage(nodes[1:], tuple(sites), payloads, cylinders, placed, middle, distance, size)
+    return Stage(nodes[1:], tuple(sites), carried, cylinders, placed, middle, distance, size)
 
 
 def animate(viewer: Any, stage: Stage, frames: Frames) -> None:
@@ -236,6 +230,21 @@ def _draw_ball(
 
     node.set_object(Surface(creation.icosphere(radius=radius), color, on_top=on_top))
     node.set_transform(translation_matrix(place))
+
+
+def _draw_payload(node: Any, shape: Shape, scene: Scene, name: str, size: float) -> None:
+    """Draw a payload as a box, and a rod from the origin of the link that carries it."""
+    from trimesh import creation
+
+    payload = scene.payloads[name]
+    node.set_object(Surface(shape.mesh, PAYLOAD_COLOR, 0.8))
+    node.set_transform(shape.placement.homogeneous)
+    node.set_property("visible", bool(payload.attached))
+    link = scene.model.frames[scene.model.getFrameId(payload.link, pin.FrameType.BODY)]
+    hand = shape.placement.actInv(link.placement.translation)
+    if np.linalg.norm(hand) > _LINE * size:
+        rod = creation.cylinder(_LINE * size, segment=[hand, np.zeros(3)]).smooth_shaded
+        node["held"].set_object(Surface(rod, LINE_COLOR))
 
 
 def _draw_linkage(
