@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from pinfric.drives.criterion import Criterion, Status
+from pinfric.drives.policy import Conditions
 from pinfric.show.figure.panel import svg
 from pinfric.show.pages.page import NO_FIGURE, figure, formula, page
 from pinfric.show.pages.sizing_figures import (
@@ -74,18 +75,84 @@ def sizing_page(report: SizingReport, command: str = "", inputs: Iterable[str | 
     Raises:
         PinfricError: the extra `report` (jinja2) is not installed.
     """
-    found, short = sizing_summary(report), short_names(report.scene.actuator_names)
-    own, shared = _remarks(found.joints, short)
-    joints = [
-        _joint_view(joint, report, found.joints[k], k) | {"remarks": own[k]}
-        for k, joint in enumerate(report.joints)
+    summary, short = sizing_summary(report), short_names(report.scene.actuator_names)
+    own, shared = _remarks(summary.joints, short)
+    failing = by_text(summary.verdict.failing)
+    documents = by_text(line for drive in report.drives if drive for line in drive.sources)
+    matrix = [
+        CriterionMargins(row.criterion, {short[name]: c for name, c in row.joints.items()})
+        for row in margins(summary)
     ]
-    # What was demanded, in a line
+    head = {
+        "scene": Path(report.given.source).stem,
+        "trajectory": Path(report.trajectory).name,
+        "cycle": report.period,
+        "repetition": repetition(report),
+        "samples": len(report.result.status),
+        "verdict": "" if report.catalog is None else verdict(report),
+        "passes": passes(report),
+        "failing": [f"{', '.join(of)}: {text}" for text, of in failing.items()],
+        "remarks": [*rating_lines(summary), *friction_line(report), *summary.verdict.remarks],
+        "choices": None if report.catalog is None else choice_table(summary, _CELLS),
+        "products": product_lines(summary),
+        "conditions_line": _demanded(report),
+        "command": command,
+    }
+    drives = {
+        "rating": rating_table(summary),
+        "demand": demand_table(report),
+        "power": power_table(report),
+        "matrix": table_of(
+            "Margins: the part of each limit that is left",
+            matrix,
+            cells={f"joints[{name}]": partial(_cell, name) for name in short.values()},
+        ),
+        "smaller": smaller_table(summary),
+        "views": [
+            _joint_view(joint, report, summary.joints[k], k) | {"remarks": own[k]}
+            for k, joint in enumerate(report.joints)
+        ],
+        "remarks_of_all": shared,
+    }
+    together = {
+        "turn": turn(report),
+        "bus_picture": report.catalog and svg(power_over_time(report), "Power from the bus"),
+        "bus_figures": bus_table(report),
+        "bus": bus_lines(report),
+        "brakes": brake_table(summary),
+        "stop_lines": stop_lines(summary),
+        "stops": None if summary.stops is None else axes_table(summary.stops, ""),
+        "elastic": elastic_lines(report),
+    }
+    behind = {
+        "unchecked": unchecked_table(summary, title=""),
+        "all_conditions": _conditions(report.conditions),
+        "rules": _rules(summary, short),
+        "sources": [f"{', '.join(of)}: {text}" for text, of in documents.items()],
+        "provisional": provisional_table(summary),
+        "ask": ask_table(summary, _ASKED),
+    }
+    return page(
+        "sizing",
+        report.scene.actuator_names,
+        [joint.name for joint in summary.joints],
+        (*report.files, *map(str, inputs)),
+        report=report,
+        found=summary,
+        Status=Status,
+        **head,
+        **drives,
+        **together,
+        **behind,
+    )
+
+
+def _demanded(report: SizingReport) -> str:
+    """What was demanded of the drives, in a line."""
     c = report.conditions
-    payloads = [f"payload {n}, {figure(p.mass)} kg" for n, p in report.given.payloads.items()]
     arm = f"whole arm {figure(c.lowest_frequency)} Hz" if c.lowest_frequency else "each axis alone"
-    demanded = [
-        *payloads,
+    parts = [
+        *(f"payload {n}, {figure(p.mass)} kg" for n, p in report.given.payloads.items()),
         f"bus {figure(c.bus_voltage)} V",
         f"ambient {figure(c.ambient)} °C",
         f"peak torque times {figure(c.peak_factor)}",
@@ -94,66 +161,17 @@ def sizing_page(report: SizingReport, command: str = "", inputs: Iterable[str | 
         f"brakes {figure(c.brake_factor)} times the load",
         f"L10 {'not demanded' if c.life is None else f'{figure(c.life)} h'}",
     ]
-    # Every condition with its value, and which are not the defaults
-    default = type(report.conditions)()
-    said = []
-    for name, value in report.conditions:
-        given = "" if value == getattr(default, name) else " (given)"
+    return f"Demanded: {'; '.join(parts)}."
+
+
+def _conditions(conditions: Conditions) -> str:
+    """Every condition with its value, and which are not the defaults."""
+    default, said = Conditions(), []
+    for name, value in conditions:
         if value is not None and value != {}:
             shown = f"{value:g}" if isinstance(value, float) else str(value)
-            said.append(f"{name} {shown}{given}")
-    failing = by_text(found.verdict.failing)
-    documents = by_text(line for drive in report.drives if drive for line in drive.sources)
-    return page(
-        "sizing",
-        report.scene.actuator_names,
-        [joint.name for joint in found.joints],
-        (*report.files, *map(str, inputs)),
-        views=joints,
-        report=report,
-        scene=Path(report.given.source).stem,
-        trajectory=Path(report.trajectory).name,
-        cycle=report.period,
-        samples=len(report.result.status),
-        found=found,
-        choices=None if report.catalog is None else choice_table(found, _CELLS),
-        provisional=provisional_table(found),
-        matrix=table_of(
-            "Margins: the part of each limit that is left",
-            [
-                CriterionMargins(row.criterion, {short[name]: c for name, c in row.joints.items()})
-                for row in margins(found)
-            ],
-            cells={f"joints[{name}]": partial(_cell, name) for name in short.values()},
-        ),
-        bus_figures=bus_table(report),
-        bus=bus_lines(report),
-        bus_picture=report.catalog and svg(power_over_time(report), "Power from the bus"),
-        turn=turn(report),
-        elastic=elastic_lines(report),
-        remarks=[*rating_lines(found), *friction_line(report), *found.verdict.remarks],
-        demand=demand_table(report),
-        power=power_table(report),
-        brakes=brake_table(found),
-        stops=None if found.stops is None else axes_table(found.stops, ""),
-        stop_lines=stop_lines(found),
-        verdict="" if report.catalog is None else verdict(report),
-        unchecked=unchecked_table(found, title=""),
-        failing=[f"{', '.join(of)}: {text}" for text, of in failing.items()],
-        products=product_lines(found),
-        remarks_of_all=shared,
-        ask=ask_table(found, _ASKED),
-        rules=_rules(found, short),
-        smaller=smaller_table(found),
-        rating=rating_table(found),
-        conditions_line="Demanded: " + "; ".join(demanded) + ".",
-        all_conditions="; ".join(said),
-        command=command,
-        passes=passes(report),
-        repetition=repetition(report),
-        sources=[f"{', '.join(of)}: {text}" for text, of in documents.items()],
-        Status=Status,
-    )
+            said.append(f"{name} {shown}" + " (given)" * (value != getattr(default, name)))
+    return "; ".join(said)
 
 
 def _joint_view(

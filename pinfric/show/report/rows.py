@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, is_dataclass, replace
 from enum import Enum, IntEnum
 from string import Formatter
 from typing import Any
@@ -48,38 +48,56 @@ def table_of(
     """
     if not rows:
         return None
-    has_unit, given, found_columns, texts = hasattr(rows[0], "unit"), cells or {}, [], []
-    for name, found in shown_fields(rows):
-        if name in without or (only and name not in only) or not (found.heading or name in only):
-            continue
-        values = [value_at(row, name) for row in rows]
-        if found.heading.endswith("unit") and len(set(values)) == 1:
-            continue
-        write, is_effort = given.get(name), found.unit in ("", EFFORT) or not has_unit
-        sizes = [abs(x) for x in values if isinstance(x, int | float) and math.isfinite(x)]
-        rounding = _ROUNDING * max(sizes, default=0.0)
-        small = zero if is_effort or found.unit.startswith("in ") else rounding
-        column = [
-            write(row)
-            if write
-            else cell(row, name, found, small(row) if callable(small) else small)
-            for row in rows
-        ]
-        if set(column) <= {NONE, "", "n/a"} and name not in given:
-            continue
-        unit = shown_unit(found, rows)
-        found_columns.append((found.heading, unit, kind(found, values, column)))
-        texts.append(column)
-    units = [unit for _, unit, behaves in found_columns if behaves is ColumnKind.NUMBER]
+    shown = [
+        column
+        for name, field in shown_fields(rows)
+        if name not in without and (name in only or (field.heading and not only))
+        if (column := _column(rows, name, field, (cells or {}).get(name), zero)) is not None
+    ]
+    # One unit of all numbers stands in the title
+    units = [column.unit for column in shown if column.kind is ColumnKind.NUMBER]
     if title and len(units) > 1 and len(set(units)) == 1 and (of_all := units[0]):
-        title, found_columns = (
-            f"{title}, {of_all}",
-            [(head, "" if unit == of_all else unit, k) for head, unit, k in found_columns],
-        )
-    columns = [Column(heading(head, unit), behaves) for head, unit, behaves in found_columns]
+        title = f"{title}, {of_all}"
+        shown = [replace(c, unit="" if c.unit == of_all else c.unit) for c in shown]
+    columns = [Column(heading(c.heading, c.unit), c.kind) for c in shown]
     by_unit = len(columns) > 1 and columns[1].heading.endswith("unit")
     keys = layout.pop("keys", 2 if by_unit else 1)
-    return Table(title, columns, list(zip(*texts, strict=True)), keys=keys, **layout)
+    texts = list(zip(*(c.texts for c in shown), strict=True))
+    return Table(title, columns, texts, keys=keys, **layout)
+
+
+@dataclass(frozen=True)
+class _Shown:
+    """A column: heading and unit, how it behaves, a text of each row."""
+
+    heading: str
+    unit: str
+    kind: ColumnKind
+    texts: list[str]
+
+
+def _column(
+    rows: Sequence[Any],
+    name: str,
+    field: Quantity,
+    write: Callable[[Any], str] | None,
+    zero: float | Callable[[Any], float],
+) -> _Shown | None:
+    """A field's column; None where it says nothing. Arguments as of `table_of`."""
+    values = [value_at(row, name) for row in rows]
+    if field.heading.endswith("unit") and len(set(values)) == 1:
+        return None
+    if write is not None:
+        texts = [write(row) for row in rows]
+    else:
+        is_effort = field.unit in ("", EFFORT) or not hasattr(rows[0], "unit")
+        sizes = [abs(x) for x in values if isinstance(x, int | float) and math.isfinite(x)]
+        rounding = _ROUNDING * max(sizes, default=0.0)
+        small = zero if is_effort or field.unit.startswith("in ") else rounding
+        texts = [cell(row, name, field, small(row) if callable(small) else small) for row in rows]
+        if set(texts) <= {NONE, "", "n/a"}:
+            return None
+    return _Shown(field.heading, shown_unit(field, rows), kind(field, values, texts), texts)
 
 
 def shown_fields(rows: Sequence[Any]) -> Iterator[tuple[str, Quantity]]:
@@ -87,22 +105,22 @@ def shown_fields(rows: Sequence[Any]) -> Iterator[tuple[str, Quantity]]:
 
     A part whose heading ends with "*" gives its fields, a mapping a column for each of its keys.
     """
-    for name, found in quantities(type(rows[0])).items():
-        above = found.heading.removesuffix("*").rstrip()
-        if found.heading.endswith("*"):
+    for name, field in quantities(type(rows[0])).items():
+        above = field.heading.removesuffix("*").rstrip()
+        if field.heading.endswith("*"):
             parts = [part for row in rows if (part := getattr(row, name)) is not None]
             for inner, one in shown_fields(parts) if parts else ():
                 text = (one.cell or f"{{{inner}}}").replace("{", f"{{{name}.")
                 head = f"{above}\n{one.heading}" if above and one.heading else one.heading
-                unit = one.unit or found.unit
+                unit = one.unit or field.unit
                 yield f"{name}.{inner}", one._replace(cell=text, heading=head, unit=unit)
-        elif "{}" in found.heading:
+        elif "{}" in field.heading:
             for key in dict.fromkeys(key for row in rows for key in getattr(row, name)):
                 path = f"{name}[{key}]"
-                text = f"{{{path}{found.cell}}}"
-                yield path, found._replace(heading=found.heading.format(key), cell=text)
+                text = f"{{{path}{field.cell}}}"
+                yield path, field._replace(heading=field.heading.format(key), cell=text)
         else:
-            yield name, found
+            yield name, field
 
 
 def value_at(row: Any, path: str) -> Any:
@@ -111,20 +129,20 @@ def value_at(row: Any, path: str) -> Any:
     None where the part is none, or the mapping has no such key.
     """
     name, _, key = path.partition("[")
-    found = row
+    value = row
     for part in name.split("."):
-        found = None if found is None else getattr(found, part)
-    return found if not key or found is None else found.get(key.removesuffix("]"))
+        value = None if value is None else getattr(value, part)
+    return value if not key or value is None else value.get(key.removesuffix("]"))
 
 
-def shown_unit(found: Quantity, rows: Sequence[Any]) -> str:
+def shown_unit(field: Quantity, rows: Sequence[Any]) -> str:
     """Return the unit of a column's cells; empty where the rows' own differ, or none is shown."""
-    spec = next((s for _, n, s, _ in Formatter().parse(found.cell) if n and s), "")
+    spec = next((s for _, n, s, _ in Formatter().parse(field.cell) if n and s), "")
     if spec in DISPLAYS or spec in ("%", "percent", "margin"):
         return spec if spec in DISPLAYS else ""
-    units = {unit_of(row, found.unit) for row in rows}
-    by_row = found.unit == EFFORT or found.unit.startswith("in ")
-    return units.pop() if len(units) == 1 else "" if by_row else found.unit
+    units = {unit_of(row, field.unit) for row in rows}
+    by_row = field.unit == EFFORT or field.unit.startswith("in ")
+    return units.pop() if len(units) == 1 else "" if by_row else field.unit
 
 
 def heading(text: str, unit: str) -> str:
@@ -134,13 +152,13 @@ def heading(text: str, unit: str) -> str:
     return f"{text}\n{unit}" if unit else text
 
 
-def kind(found: Quantity, values: Sequence[Any], texts: Sequence[str]) -> ColumnKind:
+def kind(field: Quantity, values: Sequence[Any], texts: Sequence[str]) -> ColumnKind:
     """Return how a column behaves: numbers, names, short words or long ones.
 
     Args:
         texts: what the column shows of them.
     """
-    if found.name:
+    if field.name:
         return ColumnKind.NAME
     known = [value for value in values if value is not None]
     said = all(text[:1].isalpha() for text in texts)  # "moves" of a number
@@ -154,18 +172,18 @@ def _words(value: Any) -> bool:
     return isinstance(value, tuple) and all(isinstance(entry, str) for entry in value)
 
 
-def cell(row: Any, name: str, found: Quantity, zero: float = 0.0) -> str:
+def cell(row: Any, name: str, field: Quantity, zero: float = 0.0) -> str:
     """Return what a field's column shows of one row."""
-    parts = list(Formatter().parse(found.cell or f"{{{name}}}"))
-    values = [value_at(row, field) for _, field, _, _ in parts if field]
+    parts = list(Formatter().parse(field.cell or f"{{{name}}}"))
+    values = [value_at(row, path) for _, path, _, _ in parts if path]
     if values[0] is None:
         return NONE
-    specs = [spec or "" for _, field, spec, _ in parts if field]
+    specs = [spec or "" for _, path, spec, _ in parts if path]
     texts = [text_of(value, spec, zero) for value, spec in zip(values, specs, strict=True)]
     if len(set(texts)) == 1 and any("\N{EN DASH}" in literal for literal, *_ in parts):
         return texts[0]
     filled = iter(texts)
-    return "".join(text + (next(filled) if field else "") for text, field, _, _ in parts)
+    return "".join(text + (next(filled) if path else "") for text, path, _, _ in parts)
 
 
 def text_of(value: Any, display: str = "", zero: float = 0.0) -> str:
@@ -213,15 +231,15 @@ def flat(row: Any) -> dict[str, Any]:
 
     A pair of least and worst makes two columns, `_least` and `_worst`; a described part its own.
     """
-    found: dict[str, Any] = {}
+    columns: dict[str, Any] = {}
     for name in quantities(type(row)):
         value = getattr(row, name)
         if isinstance(value, tuple) and len(value) == 2 and isinstance(value[0], float):
-            found |= {f"{name}_least": value[0], f"{name}_worst": value[1]}
-        elif dataclasses.is_dataclass(value):
-            found |= {f"{name}_{key}": entry for key, entry in flat(value).items()}
+            columns |= {f"{name}_least": value[0], f"{name}_worst": value[1]}
+        elif is_dataclass(value):
+            columns |= {f"{name}_{key}": entry for key, entry in flat(value).items()}
         elif isinstance(value, IntEnum):
-            found[name] = value.name.lower()
+            columns[name] = value.name.lower()
         elif value is None or isinstance(value, str | bool | int | float):
-            found[name] = value
-    return found
+            columns[name] = value
+    return columns
