@@ -73,12 +73,12 @@ def motion_summary(motion: Motion) -> MotionSummary:
     """
     energy = None
     if motion.status != INTERRUPTED:
-        found = motion.energy()
+        flows = motion.energy()
         energy = gathered(
             EnergySummary,
-            found,
-            friction_loss=dict(zip(motion.site_names, found.friction_loss.tolist(), strict=True)),
-            gear_loss=dict(zip(motion.actuator_names, found.gear_loss.tolist(), strict=True)),
+            flows,
+            friction_loss=dict(zip(motion.site_names, flows.friction_loss.tolist(), strict=True)),
+            gear_loss=dict(zip(motion.actuator_names, flows.gear_loss.tolist(), strict=True)),
         )
     return gathered(
         MotionSummary,

@@ -105,18 +105,18 @@ def _frame(rows: Sequence[Any], index: str, label: str = "") -> pd.DataFrame:
     """A table of described rows, with the units of its columns."""
     table = pd.DataFrame([flat(row) for row in rows] or {index: []}).set_index(index)
     known = quantities(type(rows[0])) if rows else {}
-    table.attrs["units"] = {name: found.unit for name, found in known.items() if found.unit}
+    table.attrs["units"] = {name: field.unit for name, field in known.items() if field.unit}
     shown = table_of("", rows) if rows else None
     table.attrs["html"] = "" if shown is None else html_of(shown)
     return table.rename_axis(label or index)
 
 
 def _elastic(result: Elasticity) -> pd.DataFrame:
-    found = elastic_summary(result)
-    shares = found.lowest_frequency.strain_energy
-    rows = {} if found.worst is None else found.rests[found.worst].wind_up
+    summary = elastic_summary(result)
+    shares = summary.lowest_frequency.strain_energy
+    rows = {} if summary.worst is None else summary.rests[summary.worst].wind_up
     table = _frame(list(rows.values()), "name", "drive")
-    table = table.reindex(list(found.drives)).rename_axis("drive")
+    table = table.reindex(list(summary.drives)).rename_axis("drive")
     return table.assign(strain_energy=pd.Series(shares))
 
 
@@ -178,8 +178,8 @@ _FIGURES: dict[type, Callable[..., Figure]] = {
     Motion: motion_figure,
     StopResult: stop_figure,
     SweepResult: sweep_figure,
-    Identified: lambda found, log=0: measured_figure(
-        *beside_measured(found, log), found.recordings[log].name
+    Identified: lambda identified, log=0: measured_figure(
+        *beside_measured(identified, log), identified.recordings[log].name
     ),
 }
 _TABLES: dict[type, Callable[[Any], pd.DataFrame]] = {
@@ -189,8 +189,8 @@ _TABLES: dict[type, Callable[[Any], pd.DataFrame]] = {
     Motion: lambda motion: _frame(drive_work(motion), "name", "drive"),
     Exported: lambda exported: _frame(exported.joints, "joint"),  # none of coupled drives
     CheckReport: lambda report: _frame(report.findings, "place"),
-    Explanation: lambda found: _frame(found.effects, "name", "effect"),
-    Accuracy: lambda found: _frame(found.runs, "method"),
+    Explanation: lambda explanation: _frame(explanation.effects, "name", "effect"),
+    Accuracy: lambda accuracy: _frame(accuracy.runs, "method"),
     RetimeResult: _retimed,
     StopResult: lambda result: _frame(result.axes, "name", "drive"),
     SweepResult: _swept,

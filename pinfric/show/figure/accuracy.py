@@ -22,18 +22,18 @@ _STYLES = {"event": (BLUE, "o"), "timestepping": (RED, "s"), "regularized": (GRE
 _FLOOR = 1e-13
 
 
-def accuracy_figure(found: Accuracy) -> Figure:
+def accuracy_figure(accuracy: Accuracy) -> Figure:
     """Draw error against time, a line per method: of q, and of stick times if any joint sticks."""
     panels = {"error": "error of q (rad or m)", "stick_error": "error of stick times (s)"}
-    if not any(run.stick_error > 0 for run in found.runs):
+    if not any(run.stick_error > 0 for run in accuracy.runs):
         del panels["stick_error"]
     with style():
-        name = Path(found.scene.source).stem
+        name = Path(accuracy.scene.source).stem
         figure = sheet(6.0 * len(panels), 5.2, f"{name}: cost of accuracy in simulation")
         for axes, (quantity, text) in zip(
             figure.subplots(1, len(panels), squeeze=False)[0], panels.items(), strict=True
         ):
-            lost = _draw(axes, found.runs, quantity)
+            lost = _draw(axes, accuracy.runs, quantity)
             axes.set_xlabel("wall time (ms)")
             said = f"{text}; without a figure: {', '.join(lost)}" if lost else text
             axes.set_title(said, color=INK)

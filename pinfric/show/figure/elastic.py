@@ -22,7 +22,7 @@ _INSIDE, _EDGE, _APPROACH, _OPPOSITE = "#CFE3F1", BLUE, RED, GREEN
 _AXES, MM = "xyz", 1e3
 
 
-def tool_figure(found: Elasticity, title: str = "", rest: Rest | None = None) -> Figure:
+def tool_figure(elastic: Elasticity, title: str = "", rest: Rest | None = None) -> Figure:
     """Draw the positions that the tool can have at one rest, along three axes, in mm.
 
     Blue is every place that static friction can hold (projections of the zonotope), to one scale;
@@ -30,19 +30,19 @@ def tool_figure(found: Elasticity, title: str = "", rest: Rest | None = None) ->
     triangles those that a slow approach leaves, from the motion's side and from the opposite one.
 
     Args:
-        found: of `elasticity`.
+        elastic: of `elasticity`.
         title: above the picture.
         rest: which; by default the one with the widest interval.
 
     Raises:
         StateError: no rest has a tool's place.
     """
-    rest = rest or found.worst
+    rest = rest or elastic.worst
     if rest is None or rest.tool is None:
-        why = "; ".join(found.notes) or "the motion has no rest"
+        why = "; ".join(elastic.notes) or "the motion has no rest"
         raise StateError(f"there is no position of the tool at rest to draw: {why}")
     carried = f", carries {', '.join(rest.payloads)}" if rest.payloads else ""
-    title += f"{': ' * bool(title)}where {found.result.scene.tool} can stand at rest, "
+    title += f"{': ' * bool(title)}where {elastic.result.scene.tool} can stand at rest, "
     tool = rest.tool
     title += f"{rest.start:.2f}-{rest.end:.2f} s{carried}\nsag {digits(MM * tool.sag_distance)} mm"
     title += f" · interval ±{digits(MM * tool.farthest)} mm from its middle"

@@ -43,10 +43,10 @@ def measured_figure(result: InverseResult, log: JudgedLog, trajectory: str = "")
         title = f"{trajectory}: {EFFORT_PLACES[log.at]}{note}"
         figure = sheet(11.0, 1.5 * len(names) + 1.25, title)
         panels = figure.subplots(len(names), 1, sharex=True, squeeze=False)[:, 0]
-        for axes, short, (name, found) in zip(panels, names, log.measured.items(), strict=True):
+        for axes, short, (name, compared) in zip(panels, names, log.measured.items(), strict=True):
             draw_measured(axes, result, log, name)
             i = result.actuator_names.index(name)
-            title = f"{short}, {effort_unit(result.scene, i)}: off by {found.relative_error:.0%}"
+            title = f"{short}, {effort_unit(result.scene, i)}: off by {compared.relative_error:.0%}"
             axes.set_title(title.replace("%", " %"))
             dress(axes, 5)
         panels[-1].set_xlabel("time (s)")

@@ -61,15 +61,15 @@ def draw_stop(upper: Axes, lower: Axes, result: StopResult, drive: int) -> None:
         upper, lower: axes.
         result: the stops. drive: its number.
     """
-    found, motion = result.worst_motions[drive]
+    stop, motion = result.worst_motions[drive]
     unit = effort_unit(result.scene, drive)
     reaction = result.settings.reaction_time
     t = 1e3 * (reaction + motion.t)
-    end = 1e3 * (found.time + 0.1 * max(found.time, 0.01))
+    end = 1e3 * (stop.time + 0.1 * max(stop.time, 0.01))
     before = np.linspace(0.0, reaction, 21)
     given = result.search.cycle
-    times = given.trajectory.t[found.case.sample] + found.case.speed * (before - reaction)
-    rate = found.case.speed * np.interp(times, given.trajectory.t, given.rate[:, drive])
+    times = given.trajectory.t[stop.case.sample] + stop.case.speed * (before - reaction)
+    rate = stop.case.speed * np.interp(times, given.trajectory.t, given.rate[:, drive])
     upper.plot(1e3 * before, rate, color=BLUE, linestyle=":", linewidth=1.4, label="reaction")
     upper.plot(t, motion.rate[:, drive], color=BLUE, linewidth=1.6, label="the axis")
     lower.plot(t, motion.effort[:, drive], color=BLUE, linewidth=1.6)
@@ -80,6 +80,6 @@ def draw_stop(upper: Axes, lower: Axes, result: StopResult, drive: int) -> None:
         # Lines where power goes off and where the brake closes
         off = reaction + motion.power_off
         axes.axvline(1e3 * off, color=ORANGE, linewidth=1.0, label="power goes off")
-        delay = result.search.machines.of(found.case.kind).delay.get(result.axes[drive].name)
+        delay = result.search.machines.of(stop.case.kind).delay.get(result.axes[drive].name)
         if delay is not None:
             axes.axvline(1e3 * (off + delay), color=RED, linewidth=1.0, label="its brake holds")

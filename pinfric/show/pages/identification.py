@@ -41,50 +41,50 @@ _SHOWN = ("section", "joint", "name", "unit", "value", "low", "high", "determine
 _PIECES, _DOTS = 500, 400
 
 
-def identification_page(found: Identified) -> str:
+def identification_page(identified: Identified) -> str:
     """Return the friction identified from logs as one HTML page.
 
     Args:
-        found: of `identify`.
+        identified: of `identify`.
 
     Raises:
         PinfricError: the extra `report` (jinja2) is not installed.
     """
-    summary = identify_summary(found)
-    time = _over_time(found)
+    summary = identify_summary(identified)
+    time = _over_time(identified)
     joints: list[dict[str, Any]] = []
-    for j, name in enumerate(found.scene.joint_names):
-        if name not in found.errors:
+    for j, name in enumerate(identified.scene.joint_names):
+        if name not in identified.errors:
             continue
         pictures = {"time": svg(time[j], f"Efforts of {name} over time")} | {
             kind: svg(cloud, f"Residual of {name} over {kind}")
-            for kind, cloud in _residual_clouds(found, j).items()
+            for kind, cloud in _residual_clouds(identified, j).items()
         }
-        law, laws = found.law_of(name), considered(found, j)
+        law, laws = identified.law_of(name), considered(identified, j)
         shown = table_of("", laws, cells={"law": partial(_law, law)})
         about = {"name": name, "law": law, "laws": shown, "considered": len(laws)}
         joints.append(about | pictures)
-    more = {f"factors[{one.name}]": partial(_told, one.name) for one in found.advice}
+    more = {f"factors[{one.name}]": partial(_told, one.name) for one in identified.advice}
     return page(
         "identification",
-        found.scene.joint_names,
+        identified.scene.joint_names,
         [joint["name"] for joint in joints],
         views=joints,
-        found=found,
+        identified=identified,
         verdict=verdict(summary),
         doubts=summary.doubts,
         notes=summary.notes[len(summary.doubts) :],
         laws=table_of("", summary.joints),
         coefficients=table_of("", summary.parameters, only=_SHOWN, cells={"determined": _said}),
         unseen=table_of("", predicted(summary)),
-        delay=found.estimate.delay,
-        scene=Path(found.scene.source).stem,
+        delay=identified.estimate.delay,
+        scene=Path(identified.scene.source).stem,
         logs=summary.logs,
         read=table_of("", summary.logs),
-        noise=table_of("", log_noise(found), keys=2),
+        noise=table_of("", log_noise(identified), keys=2),
         duration=sum(one.duration for one in summary.logs),
-        determined=sum(p.determined for p in found.parameters),
-        more=table_of("", more_known(found, _WORST), cells=more),
+        determined=sum(p.determined for p in identified.parameters),
+        more=table_of("", more_known(identified, _WORST), cells=more),
     )
 
 
@@ -104,20 +104,20 @@ def _law(taken: str, row: Considered) -> Marked:
     return Marked(f"<b>{escape(row.law)}</b>" if row.law == taken else escape(row.law))
 
 
-def _over_time(found: Identified) -> list[Figure]:
+def _over_time(identified: Identified) -> list[Figure]:
     """Draw each joint's measured effort over the identified scene's, rest intervals as bands.
 
     Logs stand one after another; measured efforts are moved back by the delay.
     """
-    names = found.scene.joint_names
-    units = [effort_unit(found.scene, j) for j in range(len(names))]
+    names = identified.scene.joint_names
+    units = [effort_unit(identified.scene, j) for j in range(len(names))]
     figures = [panel("time, s", f"effort, {unit}", 10.0, 2.9) for unit in units]
     start = 0.0
-    for number in range(len(found.recordings)):
-        result, log = beside_measured(found, number)
+    for number in range(len(identified.recordings)):
+        result, log = beside_measured(identified, number)
         for name, (_, axes) in zip(names, figures, strict=True):
             shift = start - float(result.times[0])
-            draw_measured(axes, result, log, name, shift, found.delay, _PIECES)
+            draw_measured(axes, result, log, name, shift, identified.delay, _PIECES)
         start += float(np.ptp(result.times)) + 1.0
     for _, axes in figures:  # of the first log
         for line, label in zip(axes.lines, ("measured", "identified scene"), strict=False):
@@ -125,15 +125,15 @@ def _over_time(found: Identified) -> list[Figure]:
     return [figure for figure, _ in figures]
 
 
-def _residual_clouds(found: Identified, joint: int) -> dict[str, Figure]:
+def _residual_clouds(identified: Identified, joint: int) -> dict[str, Figure]:
     """Draw one joint's residual over velocity and over load: a missing law shows there.
 
     Args:
-        found: what was identified.
+        identified: what was identified.
         joint: its number.
     """
-    unit = effort_unit(found.scene, joint)
-    velocity, load, off = left_over(found, joint)
+    unit = effort_unit(identified.scene, joint)
+    velocity, load, off = left_over(identified, joint)
     few = np.unique(np.linspace(0, off.size - 1, min(_DOTS, off.size)).astype(int))
     result = {}
     for name, x, title in (

@@ -138,7 +138,7 @@ def sizing_page(report: SizingReport, command: str = "", inputs: Iterable[str | 
         [joint.name for joint in summary.joints],
         (*report.files, *map(str, inputs)),
         report=report,
-        found=summary,
+        summary=summary,
         Status=Status,
         **head,
         **drives,
@@ -175,10 +175,10 @@ def _conditions(conditions: Conditions) -> str:
 
 
 def _joint_view(
-    joint: JointSizing, report: SizingReport, found: SizedJoint, k: int
+    joint: JointSizing, report: SizingReport, summary: SizedJoint, k: int
 ) -> dict[str, Any]:
     """What the template shows of one joint."""
-    taken, name = found.installed, found.name
+    taken, name = summary.installed, summary.name
     drawn = [("effort", "Effort at the joint over the cycle", effort_over_time(joint))]
     missing = []
     if joint.motor is not None:
@@ -194,13 +194,13 @@ def _joint_view(
         (f"{kind}-{k}", title, svg(figure, f"{title} of {name}")) for kind, title, figure in drawn
     ]
     return {
-        "found": found,
+        "summary": summary,
         "figures": pictures,
         "missing": missing,
         "criteria": () if taken is None else _criteria(taken.criteria),
         "units": joint.installed.candidate.units if joint.installed is not None else (),
         "at_output": joint.installed is not None and joint.installed.candidate.at_output,
-        "fitting": table_of("", found.alternatives),
+        "fitting": table_of("", summary.alternatives),
         "unloaded": joint.unloaded and report.catalog is not None,
     }
 
@@ -271,11 +271,11 @@ def _remarks(
     return own, [r for r in remarks if len(r[1]) > 1]
 
 
-def _rules(found: SizingSummary, short: Mapping[str, str]) -> list[tuple[str, str, Any, str]]:
+def _rules(summary: SizingSummary, short: Mapping[str, str]) -> list[tuple[str, str, Any, str]]:
     """Criterion, joints, formula and source, once; joints only where it is judged differently."""
     said: dict[tuple[str, str, str], list[str]] = {}
     judged: dict[str, int] = {}
-    for joint in found.joints:
+    for joint in summary.joints:
         for c in () if joint.installed is None else joint.installed.criteria:
             said.setdefault((c.name, c.formula, c.source), []).append(short[joint.name])
             judged[c.name] = judged.get(c.name, 0) + 1

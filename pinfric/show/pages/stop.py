@@ -22,9 +22,9 @@ def stop_page(result: StopResult) -> str:
     Raises:
         PinfricError: the extra `report` (jinja2) is not installed.
     """
-    found = stop_summary(result)
+    summary = stop_summary(result)
     axes: list[dict[str, Any]] = []
-    for d, axis in enumerate(found.axes):
+    for d, axis in enumerate(summary.axes):
         speed, effort = axis_pictures(result, d)
         axes.append(
             {
@@ -41,15 +41,15 @@ def stop_page(result: StopResult) -> str:
     return page(
         "stop",
         result.scene.actuator_names,
-        [axis.name for axis in found.axes],
+        [axis.name for axis in summary.axes],
         files,
         views=axes,
-        found=found,
+        summary=summary,
         scene=Path(result.scene.source).stem,
         trajectory=Path(result.trajectory.source).name,
-        verdict=verdict(found),
-        how=how(found),
-        worst=axes_table(found, ""),
-        grid=grid_table(found, ""),
-        not_checked=not_checked(found),
+        verdict=verdict(summary),
+        how=how(summary),
+        worst=axes_table(summary, ""),
+        grid=grid_table(summary, ""),
+        not_checked=not_checked(summary),
     )

@@ -60,7 +60,7 @@ def urdf_visuals(model: pin.Model, robot: Robot) -> tuple[list[Shape], dict[str,
     except Exception as problem:  # a colour that is no number, say: it must not stop the replay
         return [], {"its <visual>s": str(problem)}
     named = {m.name: m.color for m in document.materials or () if m.color is not None}
-    found: list[Shape] = []
+    shapes: list[Shape] = []
     missing: dict[str, str] = {}
     loaded: dict[Path, Any] = {}
     for link in document.links:
@@ -82,8 +82,8 @@ def urdf_visuals(model: pin.Model, robot: Robot) -> tuple[list[Shape], dict[str,
                 mesh.visual.vertex_colors = (
                     np.clip(255 * color.rgba, 0, 255).round().astype(np.uint8)
                 )
-            found.append(Shape("visual", int(frame.parentJoint), placement, mesh))
-    return found, missing
+            shapes.append(Shape("visual", int(frame.parentJoint), placement, mesh))
+    return shapes, missing
 
 
 def refuse_nowhere(*numbers: np.ndarray) -> None:
@@ -169,10 +169,10 @@ def fewer_triangles(meshes: Sequence[Any], size: float) -> list[Any]:
     Args:
         meshes: of trimesh, with colours at their vertices. size: of the whole robot, m.
     """
-    found, cell = list(meshes), _CELL * size
-    while sum(len(mesh.faces) for mesh in found) > _MOST_TRIANGLES and cell < size:
-        found, cell = [_in_cells(mesh, min(cell, mesh.scale / 4)) for mesh in meshes], 1.25 * cell
-    return found
+    fewer, cell = list(meshes), _CELL * size
+    while sum(len(mesh.faces) for mesh in fewer) > _MOST_TRIANGLES and cell < size:
+        fewer, cell = [_in_cells(mesh, min(cell, mesh.scale / 4)) for mesh in meshes], 1.25 * cell
+    return fewer
 
 
 def _in_cells(mesh: Any, cell: float) -> Any:

@@ -144,17 +144,17 @@ def _rows(frames: Frames) -> list[dict[str, Any]]:
 def _legend(scene: Scene, frames: Frames) -> list[tuple[str, str, str]]:
     """(kind of mark or the mark itself, colour, meaning) of what the page shows."""
     meanings = markers.MEANINGS | (markers.SIMULATED if frames.simulated else {})
-    found = [
+    entries = [
         ("ring" if state == "sliding" else "ring full", markers.COLORS[state], words)
         for state, words in meanings.items()
         if state in ("sliding", "sticking") or any(getattr(x, state) for x in frames.sites)
     ]
     at_rest = "with its share of the limit" if frames.simulated else "its limits in both directions"
-    found += [
+    entries += [
         ("↻", "#46525f", f"friction of the parent on the child; at rest {at_rest}"),
         ("↑", markers.FORCE_COLOR, "force of the parent on the child"),
     ]
-    found = found if scene.sites else [("", "", "no joint has friction")]
+    entries = entries if scene.sites else [("", "", "no joint has friction")]
     stops = stage.tool_stops(scene, frames.placement)
     drives = any(a.cylinder or a.force for a in scene.actuators or ())
     springs = scene.twin().springs
@@ -167,9 +167,9 @@ def _legend(scene: Scene, frames: Frames) -> list[tuple[str, str, str]]:
         (len(stops), "●", stage.STOP_COLOR, f"where {scene.tool} stops"),
     ):
         if there:
-            found.append((mark, color, words))
+            entries.append((mark, color, words))
     carried = [("box", markers.PAYLOAD_COLOR, f"{name}, while carried") for name in scene.payloads]
-    return found + carried
+    return entries + carried
 
 
 def _most(scene: Scene, frames: Frames) -> dict[str, float]:
@@ -211,4 +211,4 @@ def _template(name: str) -> str:
 
 def _fill(template: str, **parts: str) -> str:
     """Replace each {{name}}; what is put in is not looked at again."""
-    return re.sub(r"\{\{(\w+)\}\}", lambda found: parts[found[1]], template)
+    return re.sub(r"\{\{(\w+)\}\}", lambda name: parts[name[1]], template)

@@ -14,7 +14,7 @@ from pinfric.show.report.tables import Report, paragraphs
 _REFERENCE = "errors against `event` with a 100 times smaller tolerance; rad or m, and s"
 
 
-def accuracy_report(found: Accuracy) -> Report:
+def accuracy_report(accuracy: Accuracy) -> Report:
     """Return the table and lines that `pinfric accuracy` prints, for a rich console.
 
     A row a run; one that failed has no figures: a column is too narrow for reasons.
@@ -29,13 +29,13 @@ def accuracy_report(found: Accuracy) -> Report:
         return cell(run, name, own[name], 1e-9)
 
     figures = ("error", "end_error", "stick_error", "wall_s", "rhs")
-    pairs = enumerate(pairwise(run.method for run in found.runs), 1)
+    pairs = enumerate(pairwise(run.method for run in accuracy.runs), 1)
     table = table_of(
-        f"{Path(found.scene.source).stem}: simulation",
-        found.runs,
+        f"{Path(accuracy.scene.source).stem}: simulation",
+        accuracy.runs,
         keys=2,
         sections=frozenset(i for i, (before, now) in pairs if before != now),
         cells={name: partial(shown, name) for name in figures},
     )
-    failed = [f"{run.method}, {run.setting}: {run.problem}" for run in found.runs if run.problem]
+    failed = [f"{run.method}, {run.setting}: {run.problem}" for run in accuracy.runs if run.problem]
     return paragraphs(table, [*failed, _REFERENCE])

@@ -31,7 +31,7 @@ _SHORT = ("name", "choice", "decided_by", "installed.mass", *_VERDICT)
 
 
 def choice_table(
-    found: SizingSummary,
+    summary: SizingSummary,
     cells: Mapping[str, Callable[[SizedJoint], str]] | None = None,
     short: bool = False,
 ) -> Table | None:
@@ -40,21 +40,21 @@ def choice_table(
     Args:
         cells: fields to show beside the usual ones or in another way, and how.
     """
-    title = f"drives from {found.catalog}, {digits(found.conditions['bus_voltage'])} V"
+    title = f"drives from {summary.catalog}, {digits(summary.conditions['bus_voltage'])} V"
     own = {"choice": _chosen, **(cells or {})}
-    return table_of(title, found.joints, only={*(_SHORT if short else _CHOICE), *own}, cells=own)
+    return table_of(title, summary.joints, only={*(_SHORT if short else _CHOICE), *own}, cells=own)
 
 
-def rating_table(found: SizingSummary) -> Table | None:
+def rating_table(summary: SizingSummary) -> Table | None:
     """Return what a rating asks of each joint; None without one."""
-    rows = () if found.rating is None else found.rating.joints
+    rows = () if summary.rating is None else summary.rating.joints
     title = "the rating, each joint in its worst posture and alone"
     return table_of(title, rows, zero=_ROUNDING)
 
 
-def mounting_table(found: SizingSummary) -> Table | None:
+def mounting_table(summary: SizingSummary) -> Table | None:
     """Return which of several mountings is the hardest for each joint; None where there is one."""
-    return table_of("the hardest mounting of each joint", found.mountings, zero=_ROUNDING)
+    return table_of("the hardest mounting of each joint", summary.mountings, zero=_ROUNDING)
 
 
 def _chosen(joint: SizedJoint) -> str:
@@ -68,24 +68,24 @@ def _chosen(joint: SizedJoint) -> str:
     return f"{joint.choice or f'none{nearest}'}{said}"
 
 
-def mass_table(found: SizingSummary) -> Table | None:
+def mass_table(summary: SizingSummary) -> Table | None:
     """Return the effect of the drives' own mass, if it is more than a twentieth."""
-    rows = [joint for joint in found.joints if joint.rms > 1.05 * joint.rms_without_masses]
+    rows = [joint for joint in summary.joints if joint.rms > 1.05 * joint.rms_without_masses]
     only = ("name", "unit", "rms", "rms_without_masses")
     return table_of("RMS with the drives' own mass and without", rows, only=only)
 
 
-def smaller_table(found: SizingSummary) -> Table | None:
+def smaller_table(summary: SizingSummary) -> Table | None:
     """Return the shortfalls of the next smaller drives; None if no joint has one."""
-    rows = [joint for joint in found.joints if joint.next_smaller is not None]
+    rows = [joint for joint in summary.joints if joint.next_smaller is not None]
     return table_of("the next smaller drives", rows, only=_SMALLER)
 
 
-def brake_line(found: SizingSummary) -> list[str]:
+def brake_line(summary: SizingSummary) -> list[str]:
     """Return the brakes of the chosen drives, in a line, and what the joints without one do."""
     joints: dict[str, list[str]] = {}
     without: dict[str, list[str]] = {}
-    for joint in found.joints:
+    for joint in summary.joints:
         if joint.installed is not None and joint.installed.brake:
             joints.setdefault(joint.installed.brake, []).append(joint.name)
         elif joint.installed is not None and joint.standstill.torque.status == Status.NOT_REQUIRED:
@@ -97,16 +97,16 @@ def brake_line(found: SizingSummary) -> list[str]:
 
 def by_text(lines: Iterable[str]) -> dict[str, dict[str, None]]:
     """Return of lines `name: text` the names of each text, each once."""
-    found: dict[str, dict[str, None]] = {}
+    whose: dict[str, dict[str, None]] = {}
     for line in lines:
         name, _, text = line.partition(": ")
-        found.setdefault(text, {})[name] = None
-    return found
+        whose.setdefault(text, {})[name] = None
+    return whose
 
 
-def product_lines(found: SizingSummary) -> list[str]:
+def product_lines(summary: SizingSummary) -> list[str]:
     """Return what the catalogue remarks on the products taken, a line each; none: nothing."""
-    taken = (joint.installed for joint in found.joints)
+    taken = (joint.installed for joint in summary.joints)
     products = by_text(note for one in taken if one is not None for note in one.notes)
     retyped = list(products.pop(RETYPED, {}))
     more = f" and {len(retyped) - 1} more" * (len(retyped) > 1)
@@ -114,37 +114,37 @@ def product_lines(found: SizingSummary) -> list[str]:
     return [*lines, *(f"{name}{more}: {RETYPED}" for name in retyped[:1])]
 
 
-def provisional_table(found: SizingSummary) -> Table | None:
+def provisional_table(summary: SizingSummary) -> Table | None:
     """Return what would fit joints for which nothing can be signed; None: there are none."""
-    rows = [joint for joint in found.joints if joint.provisional is not None]
+    rows = [joint for joint in summary.joints if joint.provisional is not None]
     asked = dict.fromkeys(x for j in rows for x in (j.provisional.ask if j.provisional else ()))
     only = ("name", *(f"provisional.{name}" for name in ("drive", "mass", "would")))
     return table_of("not signed" + f": ask for {', '.join(asked)}" * bool(asked), rows, only=only)
 
 
-def ask_table(found: SizingSummary, most: int = 0) -> Table | None:
+def ask_table(summary: SizingSummary, most: int = 0) -> Table | None:
     """Return the products that lack a figure, fewest figures first; None: none.
 
     Where drives are chosen, these are lighter ones.
 
     Args:
-        found: the sizing. most: rows to show; 0: all.
+        summary: the sizing. most: rows to show; 0: all.
     """
-    rows, short = found.ask[: most or None], short_names([joint.name for joint in found.joints])
+    rows, short = summary.ask[: most or None], short_names([joint.name for joint in summary.joints])
     cells = {"joints": lambda row: ", ".join(short[name] for name in row.joints)}
-    more = f"; {len(found.ask) - len(rows)} more" if len(rows) < len(found.ask) else ""
-    chosen = {joint.name for joint in found.joints if joint.choice is not None}
+    more = f"; {len(summary.ask) - len(rows)} more" if len(rows) < len(summary.ask) else ""
+    chosen = {joint.name for joint in summary.joints if joint.choice is not None}
     lighter = "lighter, but " if all(chosen.issuperset(row.joints) for row in rows) else ""
     title = f"{lighter}a figure is missing: cannot be signed{more}"
     return table_of(title, rows, cells=cells)
 
 
-def brake_table(found: SizingSummary) -> Table | None:
+def brake_table(summary: SizingSummary) -> Table | None:
     """Return the joints that hold without power, the required brake torques, and the brakes."""
     title = "without power, at any pose of the cycle: with friction\N{EN DASH}without friction"
     cells = {"standstill.use": holds_alone, "standstill.brake": _brake}
     only = ("name", "unit", *_STILL)  # the unit is of the effort beside it alone: no second key
-    return table_of(title, found.joints, only=only, cells=cells, zero=_ROUNDING, keys=1)
+    return table_of(title, summary.joints, only=only, cells=cells, zero=_ROUNDING, keys=1)
 
 
 def _brake(joint: SizedJoint) -> str:
@@ -167,10 +167,10 @@ def holds_alone(joint: SizedJoint) -> str:
 
 
 def unchecked_table(
-    found: SizingSummary, title: str = "not checked, a value is missing"
+    summary: SizingSummary, title: str = "not checked, a value is missing"
 ) -> Table | None:
     """Return what was not checked, and the figures that are missing; None if nothing."""
-    short = short_names([joint.name for joint in found.joints])
+    short = short_names([joint.name for joint in summary.joints])
 
     def joints(row: Unchecked) -> str:
         if not row.joints:
@@ -179,7 +179,7 @@ def unchecked_table(
             return "all"
         return ", ".join(short[name] for name in row.joints)
 
-    return table_of(title, found.unchecked, cells={"joints": joints})
+    return table_of(title, summary.unchecked, cells={"joints": joints})
 
 
 def turn(report: SizingReport) -> str:

@@ -65,10 +65,10 @@ def result_schema(results: Mapping[str, Sequence[type]]) -> dict[str, Any]:
                         "additionalProperties": text,
                         "description": "file that was read -> its SHA-256",
                     },
-                    "result": schema.of_class(found),
+                    "result": schema.of_class(described),
                     "warnings": {"type": "array", "items": text},
                 }
             )
-            for found in classes
+            for described in classes
         ]
     return schema.whole({"oneOf": kinds})

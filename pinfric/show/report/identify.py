@@ -16,7 +16,7 @@ _PAGE = ("rest.largest", "rest.share", "spread_between_logs")
 
 
 def identify_report(
-    found: Identified, summary: IdentifySummary, verbose: bool = True, written: bool = False
+    identified: Identified, summary: IdentifySummary, verbose: bool = True, written: bool = False
 ) -> Report:
     """Return the tables and lines that `pinfric identify` prints, for a rich console.
 
@@ -26,8 +26,8 @@ def identify_report(
     """
     logs = ", ".join(one.name for one in summary.logs)
     duration = sum(one.duration for one in summary.logs)
-    title = f"{Path(found.scene.source).stem} · {logs}: {digits(duration)} s"
-    cells = {"law": lambda joint: found.law_of(joint.name)}
+    title = f"{Path(identified.scene.source).stem} · {logs}: {digits(duration)} s"
+    cells = {"law": lambda joint: identified.law_of(joint.name)}
     laws = table_of(title, summary.joints, cells=cells, without=_PAGE)
     opening = [verdict(summary), *(f"! {x}" for x in summary.doubts)]
     unseen = table_of("logs that were only predicted", predicted(summary), keys=2)
@@ -38,7 +38,7 @@ def identify_report(
         without=["section"],
         keys=2,
     )
-    best = found.advice[0]
+    best = identified.advice[0]
     least = min(best.factors, key=best.factors.__getitem__)
     advice = (
         f"most informative next recording, 30 s: {best.name.lower()} (standard error of {least}: "
@@ -49,7 +49,7 @@ def identify_report(
         rest = f"coefficients with intervals, {counted(len(others), 'note')}: -v"
         out = "" if written else "; scene, page: --out FOLDER"
         return paragraphs(opening, laws, unseen, [advice, f"{rest}{out}"])
-    lines = [f"delay of the logged efforts: {found.estimate.delay}", *others, advice]
+    lines = [f"delay of the logged efforts: {identified.estimate.delay}", *others, advice]
     return paragraphs(opening, laws, figures, unseen, lines)
 
 

@@ -27,7 +27,7 @@ _SHAFT = ("name", "motor_unit", "motor_peak", "motor_rms")
 
 def inverse_report(
     result: InverseResult,
-    found: InverseSummary,
+    summary: InverseSummary,
     log: JudgedLog | None = None,
     verbose: bool = True,
 ) -> Report:
@@ -38,33 +38,33 @@ def inverse_report(
         log: how the trajectory was read, if it came from samples.
         verbose: elastic gears rest by rest and gear by gear; else in a line.
     """
-    elastic = found.elasticity
+    elastic = summary.elasticity
     bent: Sequence[Table | Sequence[str] | None] = ()
     if elastic is not None:
         whole = elasticity_parts(elastic, result.actuator_names) if verbose else ()
         bent = whole or ([elastic_line(elastic), "elastic gears at each rest, by gear: -v"],)
     geared = [
         joint
-        for joint, drive in zip(found.joints, result.scene.drives, strict=True)
+        for joint, drive in zip(summary.joints, result.scene.drives, strict=True)
         if drive.transmission is not None
     ]
-    failing = [f"! {line}" for line in found.beyond_limits]
+    failing = [f"! {line}" for line in summary.beyond_limits]
     zero = ROUNDING * max((s.motor_peak for s in geared), default=0.0)
     # What the table cannot say: how often joints rest, and what is carried
     lines = ["no joint has friction"]
-    if sites := found.sites:
+    if sites := summary.sites:
         sticking = sum(site.stick_intervals > 0 for site in sites)
         resting = f"{sticking} of {counted(len(sites), 'joint')} with friction stick"
         if sticking:
             resting += f": {counted(sum(site.stick_intervals for site in sites), 'rest')}"
         reversals = sum(site.reversals for site in sites)
         lines = [f"{resting}; {counted(reversals, 'reversal')} between samples"]
-    for name, spans in found.payloads.items():
+    for name, spans in summary.payloads.items():
         times = ", ".join(f"{digits(span.start)}-{digits(span.end)} s" for span in spans)
         lines.append(f"payload {name}: {f'carried {times}' if spans else 'not carried'}")
     return paragraphs(
-        [verdict(result, found), *failing],
-        _effort_table(result, found),
+        [verdict(result, summary), *failing],
+        _effort_table(result, summary),
         table_of("at the motors' shafts", geared, only=_SHAFT, zero=zero),
         None
         if log is None or not log.measured
@@ -75,36 +75,36 @@ def inverse_report(
         *bent,
         [
             *lines,
-            *log_lines(log, {s.name: s.unit for s in found.joints}),
+            *log_lines(log, {s.name: s.unit for s in summary.joints}),
             *(log.notes if log is not None else ()),
         ],
     )
 
 
-def verdict(result: InverseResult, found: InverseSummary) -> str:
+def verdict(result: InverseResult, summary: InverseSummary) -> str:
     """Return in a line whether all samples have a solution, and efforts are within their limits."""
     failed = np.flatnonzero(result.status != Status.CONVERGED)
-    solved = f"all {counted(found.samples, 'sample')} solved"
+    solved = f"all {counted(summary.samples, 'sample')} solved"
     if failed.size:
         solved = f"{counted(failed.size, 'sample')} without a solution, the first {failed[0]}"
     limits = np.asarray(result.scene.model.effortLimit, dtype=np.float64)
     indices = [drive.velocity_index for drive in result.scene.drives]
     limited = sum(v >= 0 and math.isfinite(stated_limit(float(limits[v]))) for v in indices)
     drives = counted(len(indices), "drive")
-    within = f"{len(found.beyond_limits)} of {drives} beyond the URDF's effort limits"
-    if not found.beyond_limits:
+    within = f"{len(summary.beyond_limits)} of {drives} beyond the URDF's effort limits"
+    if not summary.beyond_limits:
         within = "efforts are within the URDF's limits" if limited else "the URDF limits no effort"
         within += f", which {limited} of {drives} have" * (0 < limited < len(indices))
-    if len(found.massless) == result.scene.model.nv:
+    if len(summary.massless) == result.scene.model.nv:
         within = "nothing has mass: the efforts are friction only"
-    elif found.massless:
-        moves = "moves" if len(found.massless) == 1 else "move"
-        within += f"; {', '.join(found.massless)} {moves} no mass: friction only"
-    if found.mass_doubt:
-        within = f"no robot is so: {found.mass_doubt}"
-    narrow = f"; {counted(found.too_narrow, 'sample')} whose intervals may be too narrow"
-    hanging = f"; {found.hanging}" if found.hanging else ""
-    return f"{solved}; {within}" + narrow * (found.too_narrow > 0) + hanging
+    elif summary.massless:
+        moves = "moves" if len(summary.massless) == 1 else "move"
+        within += f"; {', '.join(summary.massless)} {moves} no mass: friction only"
+    if summary.mass_doubt:
+        within = f"no robot is so: {summary.mass_doubt}"
+    narrow = f"; {counted(summary.too_narrow, 'sample')} whose intervals may be too narrow"
+    hanging = f"; {summary.hanging}" if summary.hanging else ""
+    return f"{solved}; {within}" + narrow * (summary.too_narrow > 0) + hanging
 
 
 def log_lines(log: JudgedLog | None, units: Mapping[str, str]) -> list[str]:
@@ -123,12 +123,12 @@ def log_lines(log: JudgedLog | None, units: Mapping[str, str]) -> list[str]:
     return [f"{log.reading.noise_line}{known}"]
 
 
-def _effort_table(result: InverseResult, found: InverseSummary) -> Table | None:
-    file = Path(found.trajectory).name
+def _effort_table(result: InverseResult, summary: InverseSummary) -> Table | None:
+    file = Path(summary.trajectory).name
     title = f"{Path(result.scene.source).stem} · {file}" if file else result.scene.source
-    title += f": {counted(found.samples, 'sample')}, {digits(found.end - found.start)} s"
+    title += f": {counted(summary.samples, 'sample')}, {digits(summary.end - summary.start)} s"
     zero = rounding(result)
-    known = {} if found.input is None else found.input.peak_uncertainty
+    known = {} if summary.input is None else summary.input.peak_uncertainty
 
     def peak(drive: ActuatorSummary) -> str:
         """The peak effort, and how far it is known where that is more than a tenth of it."""
@@ -136,4 +136,4 @@ def _effort_table(result: InverseResult, found: InverseSummary) -> Table | None:
         doubt = f" ±{rough(uncertain)}" if uncertain > max(0.1 * drive.peak, zero) else ""
         return f"{digits(drive.peak, zero)}{doubt}"
 
-    return table_of(title, found.joints, without=_SHAFT[1:], cells={"peak": peak}, zero=zero)
+    return table_of(title, summary.joints, without=_SHAFT[1:], cells={"peak": peak}, zero=zero)

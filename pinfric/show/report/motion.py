@@ -17,15 +17,15 @@ from pinfric.show.report.values import digits
 _MOST_ROWS = 12
 
 
-def motion_report(motion: Motion, found: MotionSummary) -> Report:
+def motion_report(motion: Motion, summary: MotionSummary) -> Report:
     """Return the tables and lines that `pinfric simulate` prints, for a rich console."""
     motors = motion.motor_torque is not None
     title = (
-        f"{Path(motion.scene.source).stem} · {found.method}: {digits(found.t_end)} s, "
-        f"{found.samples} samples, {found.evaluations} right-hand sides"
+        f"{Path(motion.scene.source).stem} · {summary.method}: {digits(summary.t_end)} s, "
+        f"{summary.samples} samples, {summary.evaluations} right-hand sides"
         f"{', torques of the motors given' if motors else ''}"
     )
-    sticks = _first("sticks", found.stick_intervals) or ["no joint sticks"]
+    sticks = _first("sticks", summary.stick_intervals) or ["no joint sticks"]
 
     def direction(event: Event) -> str:
         ways = (
@@ -33,10 +33,10 @@ def motion_report(motion: Motion, found: MotionSummary) -> Report:
         )
         return ways.get(event.direction, "")
 
-    events = _first("events", found.events, {"direction": direction})
-    energy = None if found.energy is None else _energy_table(found.energy, motors)
-    ended = [f"{found.status}: {found.message}"] if found.status != FINISHED else []
-    return paragraphs(title, sticks, events, energy, listed_times(found.unproved), ended)
+    events = _first("events", summary.events, {"direction": direction})
+    energy = None if summary.energy is None else _energy_table(summary.energy, motors)
+    ended = [f"{summary.status}: {summary.message}"] if summary.status != FINISHED else []
+    return paragraphs(title, sticks, events, energy, listed_times(summary.unproved), ended)
 
 
 def _first(

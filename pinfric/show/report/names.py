@@ -52,8 +52,8 @@ def said_short(text: str, short: Mapping[str, str]) -> str:
     if not longest:
         return text
     names = "|".join(map(re.escape, longest))
-    found = rf"(?<![\w./'\"-])({names})(?![\w/'\"-]|\.\w)"
-    return re.sub(found, lambda match: short[match[1]], text)
+    pattern = rf"(?<![\w./'\"-])({names})(?![\w/'\"-]|\.\w)"
+    return re.sub(pattern, lambda match: short[match[1]], text)
 
 
 def picture_names(names: Sequence[str], room: int) -> tuple[list[str], str]:

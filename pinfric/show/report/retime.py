@@ -13,7 +13,7 @@ from pinfric.show.report.values import digits, percent
 
 
 def retime_report(
-    result: RetimeResult, found: RetimeSummary, verbose: bool = True, written: bool = False
+    result: RetimeResult, summary: RetimeSummary, verbose: bool = True, written: bool = False
 ) -> Report:
     """Return the tables and lines that `pinfric retime` prints, for a rich console.
 
@@ -21,13 +21,14 @@ def retime_report(
         verbose: also the moves one by one.
         written: the files of --out are, and the last line does not name it.
     """
-    holds = found.holds
+    holds = summary.holds
     moves = [
-        Move(i, float(time), holds[i], holds[i + 1]) for i, time in enumerate(found.moves.tolist())
+        Move(i, float(time), holds[i], holds[i + 1])
+        for i, time in enumerate(summary.moves.tolist())
     ]
     drives = table_of(
-        f"{Path(result.problem.scene.source).stem} · {Path(found.path).name}",
-        found.drives,
+        f"{Path(result.problem.scene.source).stem} · {Path(summary.path).name}",
+        summary.drives,
         cells={
             "use": _nearest,
             "limiting": lambda drive: ", ".join(
@@ -66,17 +67,17 @@ def retime_report(
         out = "" if written else "; the motion: --out FOLDER"
         lines.append(f"each of {len(moves)} moves: -v{out}")
     shown = table_of("moves", moves) if verbose else None
-    return paragraphs([verdict(found)], drives, shown, lines)
+    return paragraphs([verdict(summary)], drives, shown, lines)
 
 
-def verdict(found: RetimeSummary) -> str:
+def verdict(summary: RetimeSummary) -> str:
     """Return in a line how long the motion takes, and which drive holds it back most."""
-    said = f"{digits(found.duration)} s"
-    if found.before is not None:
-        faster = 100.0 * (1.0 - found.duration / found.before)
-        said += f", {digits(found.before)} s before: {abs(faster):.3g} % "
+    said = f"{digits(summary.duration)} s"
+    if summary.before is not None:
+        faster = 100.0 * (1.0 - summary.duration / summary.before)
+        said += f", {digits(summary.before)} s before: {abs(faster):.3g} % "
         said += "less" if faster >= 0 else "more"
-    held = [(share, d.name, kind) for d in found.drives for kind, share in d.limiting.items()]
+    held = [(share, d.name, kind) for d in summary.drives for kind, share in d.limiting.items()]
     if held:
         share, name, kind = max(held)
         said += f"; {name} holds it back most ({kind}, {percent(share)} of the time moving)"

@@ -58,46 +58,46 @@ def sizing_report(report: SizingReport, verbose: bool = True, written: bool = Fa
     """
     notes = [f"note: {line}" for line in report.notes]
     failing = [*beyond_limits(report.result_without_masses), *report.verdict.failing]
-    found = sizing_summary(report)
-    said = (*rating_lines(found), *friction_line(report), *report.verdict.remarks)
+    summary = sizing_summary(report)
+    said = (*rating_lines(summary), *friction_line(report), *report.verdict.remarks)
     how_ = mounted(report.given, report.conditions.mounting == "any", report.elsewhere)
     if not how_.startswith(_USUAL):
         said = (*said, how_)
     opening = [verdict(report), *said, *(f"! {line}" for line in failing)]
-    rating = rating_table(found)
+    rating = rating_table(summary)
     if report.catalog is None:
-        tables = rating, demand_table(report), mounting_table(found)
+        tables = rating, demand_table(report), mounting_table(summary)
         return paragraphs(opening, *tables, elastic_lines(report), notes)
     if not verbose:
-        return _short(report, found, opening, written)
+        return _short(report, summary, opening, written)
     return paragraphs(
         opening,
         rating,
         demand_table(report),
-        mounting_table(found),
-        choice_table(found),
-        provisional_table(found),
-        mass_table(found),
-        smaller_table(found),
-        product_lines(found),
-        ask_table(found),
-        brake_table(found),
-        stop_lines(found),
-        None if found.stops is None else axes_table(found.stops),
+        mounting_table(summary),
+        choice_table(summary),
+        provisional_table(summary),
+        mass_table(summary),
+        smaller_table(summary),
+        product_lines(summary),
+        ask_table(summary),
+        brake_table(summary),
+        stop_lines(summary),
+        None if summary.stops is None else axes_table(summary.stops),
         bus_table(report),
         bus_lines(report),
         elastic_lines(report),
-        unchecked_table(found),
+        unchecked_table(summary),
         notes,
     )
 
 
 def _short(
-    report: SizingReport, found: SizingSummary, opening: Sequence[Any], written: bool
+    report: SizingReport, summary: SizingSummary, opening: Sequence[Any], written: bool
 ) -> Report:
     """What is chosen, what fails, and what to ask for."""
     first = [f"note: {line}" for line in report.assumptions[: len(report.unclosed) > 0]]
-    kinds = counted(len(found.unchecked), "kind of criteria was", "kinds of criteria were")
+    kinds = counted(len(summary.unchecked), "kind of criteria was", "kinds of criteria were")
     ending = [
         f"why {kinds} not checked, the demand of each joint, next smaller drives, "
         f"{counted(len(report.notes), 'note')}: -v"
@@ -105,11 +105,11 @@ def _short(
     ]
     return paragraphs(
         list(opening),
-        choice_table(found, short=True),
-        mounting_table(found),
-        provisional_table(found),
-        [*product_lines(found), *brake_line(found), *bus_lines(report), *stop_lines(found)],
-        ask_table(found, _ASKED),
+        choice_table(summary, short=True),
+        mounting_table(summary),
+        provisional_table(summary),
+        [*product_lines(summary), *brake_line(summary), *bus_lines(report), *stop_lines(summary)],
+        ask_table(summary, _ASKED),
         first + ending,
     )
 
@@ -130,9 +130,9 @@ def friction_line(report: SizingReport) -> list[str]:
     return [f"friction: {said}, taken as the old drive's and replaced by the candidates' losses"]
 
 
-def rating_lines(found: SizingSummary) -> list[str]:
+def rating_lines(summary: SizingSummary) -> list[str]:
     """Return what the robot is rated for, and the lowest frequency with that payload."""
-    if (rating := found.rating) is None:
+    if (rating := summary.rating) is None:
         return []
     most = max(rating.joints, key=lambda joint: joint.held)
     beside = "; beside the cycle: each joint bears both" if rating.joints[0].by_rating else ""
@@ -146,7 +146,7 @@ def rating_lines(found: SizingSummary) -> list[str]:
     swings = {joint.name: joint.frequency for joint in rating.joints if joint.frequency}
     if swings:
         slowest = min(swings, key=lambda name: swings[name])
-        base, hand = (found.conditions[f"resonance_{x}"] for x in ("base", "hand"))
+        base, hand = (summary.conditions[f"resonance_{x}"] for x in ("base", "hand"))
         lines.append(
             f"with the rated payload {slowest} swings at {digits(swings[slowest])} Hz, the lowest "
             f"of all joints; {digits(base)} and {digits(hand)} Hz are demanded of a cycle only"
@@ -154,9 +154,9 @@ def rating_lines(found: SizingSummary) -> list[str]:
     return lines
 
 
-def stop_lines(found: SizingSummary) -> list[str]:
+def stop_lines(summary: SizingSummary) -> list[str]:
     """Return how the robot with its drives and brakes stops, in a line; none without `stops`."""
-    return [] if found.stops is None else [f"stops, {how(found.stops)}: {said(found.stops)}"]
+    return [] if summary.stops is None else [f"stops, {how(summary.stops)}: {said(summary.stops)}"]
 
 
 def elastic_lines(report: SizingReport) -> list[str]:

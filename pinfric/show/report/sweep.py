@@ -27,7 +27,7 @@ _DESIGNS = {
 }
 
 
-def sweep_report(result: SweepResult, found: SweepSummary) -> Report:
+def sweep_report(result: SweepResult, summary: SweepSummary) -> Report:
     """Return the tables and lines that `pinfric sweep` prints, for a rich console."""
     title = f"{Path(result.scene).stem} · {Path(result.trajectory).name}: "
     title += f"{result.samples} {_DESIGNS[result.sampling]}"
@@ -38,17 +38,17 @@ def sweep_report(result: SweepResult, found: SweepSummary) -> Report:
             at = " at the joints" if names == _AT_JOINT else where
             keys = ["name", "unit" if names == _AT_JOINT else "motor_unit"]
             figures = [f"{name}.percentiles[{p:g}]" for name in names for p in result.percentiles]
-            tables.append(table_of(at[1:], found.joints, only=[*keys, *figures]))
+            tables.append(table_of(at[1:], summary.joints, only=[*keys, *figures]))
         tables.append(_driver_table(result, where))
     if elastic := result.elastic_quantiles():
         tables.append(_elastic_table(result, elastic))
-    if found.motors:
+    if summary.motors:
         cells: dict[str, Callable[[Any], str]] = {
             "suffices": lambda motor: percent(motor.suffices, interval=True),
             "criteria": partial(_failures, unsolved=float(np.mean(~result.solved))),
         }
         title_of_trials = "motors: share of samples in which they suffice, and what fails"
-        tables.append(table_of(title_of_trials, found.motors, cells=cells))
+        tables.append(table_of(title_of_trials, summary.motors, cells=cells))
     lines = []
     if result.trials:
         every = percent(result.probability(result.sufficing()), interval=True)
@@ -70,9 +70,9 @@ def sweep_report(result: SweepResult, found: SweepSummary) -> Report:
     return paragraphs(title, *tables, lines)
 
 
-def _elastic_table(result: SweepResult, found: dict[str, np.ndarray]) -> Table:
+def _elastic_table(result: SweepResult, figures: dict[str, np.ndarray]) -> Table:
     rows = []
-    for name, values in found.items():
+    for name, values in figures.items():
         scale, unit = (1.0, "Hz") if name == "lowest_frequency" else (1e3, "mm")
         shown = (digits(scale * x) for x in values)
         rows.append((name.replace("_", " "), unit, *shown))
@@ -89,10 +89,10 @@ def _driver_table(result: SweepResult, where: str) -> Table:
     names = [brief(parameter) for parameter in result.parameter_names]
     for title, figure in zip(("peak", "RMS"), result.rated, strict=True):
         columns += [Column(title, ColumnKind.NAME, names), Column("")]
-        for row, found in zip(rows, result.influences(figure).T, strict=True):
-            most = result.strongest(found, _NAMED)
+        for row, influence in zip(rows, result.influences(figure).T, strict=True):
+            most = result.strongest(influence, _NAMED)
             row.append("\n".join(own(result.parameter_names[j], row[0]) for j in most) or _NOTHING)
-            row.append("\n".join(f"{found[j]:{'+' if signed else ''}.2f}" for j in most))
+            row.append("\n".join(f"{influence[j]:{'+' if signed else ''}.2f}" for j in most))
     return Table(f"most influential parameters{where}: {measure(result)}", columns, rows)
 
 

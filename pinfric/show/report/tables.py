@@ -147,19 +147,19 @@ def paragraphs(*parts: Table | str | Sequence[str] | None) -> Report:
     front, back = affixes(names)
     short = dict(zip(names, without(names, front, back), strict=True))
     note = left_out(front, back)
-    found: Report = [Text(note, style="dim")] if note else []
+    printed: Report = [Text(note, style="dim")] if note else []
     for part in parts:
-        found += [Text()] * bool(found and part)
+        printed += [Text()] * bool(printed and part)
         if isinstance(part, Table):
-            found.append(part.without(front, back))
+            printed.append(part.without(front, back))
         elif isinstance(part, str):
-            found.append(Text(part, style="bold"))
+            printed.append(Text(part, style="bold"))
         else:
-            found += [
+            printed += [
                 Text(said_short(line, short), style="bold red" if line.startswith("! ") else "")
                 for line in part or ()
             ]
-    return found
+    return printed
 
 
 def _lay_out(table: Table, width: int) -> tuple[list[list[str]], list[int], list[list[int]]]:

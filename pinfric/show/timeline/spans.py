@@ -91,14 +91,14 @@ def site_times(
 
 def _spans(t: np.ndarray, mask: np.ndarray, half: bool = False) -> Spans:
     """Times of the runs of a mask; with `half`, widened by half a sample to both sides."""
-    found = []
+    spans = []
     for first, last in runs(mask):
         start, end = t[first], t[last]
         if half:
             start = 0.5 * (start + t[max(first - 1, 0)])
             end = 0.5 * (end + t[min(last + 1, len(t) - 1)])
-        found.append((float(start), float(end)))
-    return tuple(found)
+        spans.append((float(start), float(end)))
+    return tuple(spans)
 
 
 def gear_holds(scene: Scene, motion: InverseResult | Motion, states: States) -> dict[str, Spans]:
@@ -113,24 +113,24 @@ def gear_holds(scene: Scene, motion: InverseResult | Motion, states: States) -> 
         torque = motion.motor_torque_lower, motion.motor_torque_upper
     loaded = (effort[0] > 0.0) | (effort[1] < 0.0)
     free = (torque[0] <= 0.0) & (torque[1] >= 0.0)
-    found = {}
+    held = {}
     for d, drive in enumerate(scene.drives):
         rests = np.abs(rates[:, d]) <= drive_stick_velocity(scene, drive)
         holds = rests & loaded[:, d] & free[:, d]
         if drive.transmission is not None and holds.any():
-            found[drive.name] = _spans(states.times, holds)
-    return found
+            held[drive.name] = _spans(states.times, holds)
+    return held
 
 
 def off_the_log(result: InverseResult, log: JudgedLog) -> dict[str, tuple[Spans, Spans]]:
     """Return where logged efforts miss the computed ones: see `Frames.off`."""
-    found, (lower, upper) = {}, measured_interval(result, log.at)
+    missed, (lower, upper) = {}, measured_interval(result, log.at)
     for name, compared in log.measured.items():
         i, effort = result.actuator_names.index(name), log.reading.effort[name]
         gap = np.abs(effort - np.clip(effort, lower[:, i], upper[:, i]))
         mild, strong = (_spans(result.times, gap > share * compared.rms) for share in OFF)
-        found[name] = mild, strong
-    return found
+        missed[name] = mild, strong
+    return missed
 
 
 def limiting_drives(
@@ -140,14 +140,14 @@ def limiting_drives(
     t, use = result.times, usage(result, limits)
     moving = (result.actuator_velocity != 0.0).any(axis=1)
     nearest = use.argmax(axis=2)
-    found: dict[str, dict[str, tuple[Spans, Spans]]] = {}
+    limited: dict[str, dict[str, tuple[Spans, Spans]]] = {}
     for d, name in enumerate(result.actuator_names):
         for k, limit in enumerate(instant_limits()):
             mine = moving & (nearest[:, d] == k)
             near, over = (_spans(t, mine & (use[:, d, k] > part), half=True) for part in AT_LIMIT)
             if near:
-                found.setdefault(name, {})[limit.name] = near, over
-    return found
+                limited.setdefault(name, {})[limit.name] = near, over
+    return limited
 
 
 def carried_payloads(scene: Scene, states: States) -> dict[str, Spans]:
