@@ -33,18 +33,15 @@ from pinfric.terminal import (
     inputs,
     load,
     load_motion_of,
-    noticed,
     option,
     pairs,
     print_line,
     progress,
     question_loads,
-    read,
+    run,
     say,
     show,
     takes_logs,
-    telling,
-    typed,
     warnings_as_notices,
     weighted,
     working,
@@ -124,7 +121,7 @@ def _options(
         option("Replace files that pinfric did not write; never inputs.", "", "--overwrite"),
     ] = False,
 ) -> None:
-    telling.update(quiet=quiet, verbose=verbose)
+    run.quiet, run.verbose = quiet, verbose
     NOTICES["compiling"] = not quiet
     if (command := running()) is not None:
         command.overwrite = overwrite
@@ -179,7 +176,7 @@ def inverse(
         files["measured.png"] = lambda path: measured_figure(result, judged, name).savefig(path)
     if elastic is not None and elastic.worst is not None:
         files["tool.png"] = lambda path: tool_figure(elastic, name).savefig(path)
-    report = partial(inverse_report, result, summary, judged, telling["verbose"])
+    report = partial(inverse_report, result, summary, judged, run.verbose)
     said = partial(verdict, result, summary)
     answer("inverse", summary, report, as_json, out, files, verdict=said, scene=scene.source)
 
@@ -335,15 +332,15 @@ def size(
     with working(f"sizing {len(scene.drives)} drives"):
         report = size(scene, duty, catalog, rating=asked, conditions=conditions, on_miss="ignore")
     if report.catalog is not None:
-        read.extend(report.catalog.files)
+        run.read.extend(report.catalog.files)
     summary = sizing_summary(report)
-    page = partial(sizing_page, report, shlex.join(["pinfric", *typed]), inputs())
+    page = partial(sizing_page, report, shlex.join(["pinfric", *run.words]), inputs())
     files: Files = {"report.html": lambda path: path.write_text(page(), encoding="utf-8")}
     if bill := bill_of_materials(report):
         files["bom.csv"] = bill
     if out is not None:
         files |= sized_files(report, out)
-    show_it = partial(sizing_report, report, telling["verbose"], out is not None)
+    show_it = partial(sizing_report, report, run.verbose, out is not None)
     answer(
         "size",
         summary,
@@ -454,7 +451,7 @@ def stop(
         "report.html": lambda path: path.write_text(stop_page(result), encoding="utf-8"),
         "stop.png": lambda path: stop_figure(result).savefig(path),
     }
-    tables = partial(stop_report, scene.source, summary, telling["verbose"], out is not None)
+    tables = partial(stop_report, scene.source, summary, run.verbose, out is not None)
     said = partial(verdict, summary)
     answer("stop", summary, tables, as_json, out, files, verdict=said, scene=scene.source)
     result.check()  # what is not met is the last line, and the exit code (2)
@@ -491,13 +488,13 @@ def retime(
 
     with working("retiming"):
         result = retime(scene, path_name, motors, heat=heat, smooth=1e-3 * smooth)
-    read.extend([result.problem.path.source, motors or ""])
+    run.read.extend([result.problem.path.source, motors or ""])
     summary = retime_summary(result)
     files: Files = {
         "trajectory.csv": result.trajectory.to_csv,
         "retime.png": lambda path: retime_figure(result).savefig(path),
     }
-    report = partial(retime_report, result, summary, telling["verbose"], out is not None)
+    report = partial(retime_report, result, summary, run.verbose, out is not None)
     said = partial(verdict, summary)
     answer("retime", summary, report, as_json, out, files, verdict=said, scene=scene.source)
 
@@ -538,7 +535,7 @@ def sweep(
         raise typer.BadParameter("has its own processes", param_hint="--cluster")
     with progress("cycles") as report, on_cluster(cluster) if cluster else nullcontext():
         result = sweep(scene, trajectory, sweep_name, processes=processes, progress=report)
-    read.append(result.sweep)
+    run.read.append(result.sweep)
     summary = sweep_summary(result)
     files: Files = {
         "samples.csv": lambda path: result.to_dataframe().to_csv(path, index=False),
@@ -610,7 +607,7 @@ def identify(
             ),
             progress=report,
         )
-    read.extend(logs)
+    run.read.extend(logs)
     summary = identify_summary(identified)
     files: Files = {
         **(identified_files(identified, out) if out is not None else {}),
@@ -618,7 +615,7 @@ def identify(
             identification_page(identified), encoding="utf-8"
         ),
     }
-    tables = partial(identify_report, identified, summary, telling["verbose"], out is not None)
+    tables = partial(identify_report, identified, summary, run.verbose, out is not None)
     said = partial(verdict, summary)
     answer("identify", summary, tables, as_json, out, files, verdict=said, scene=scene.source)
 
@@ -662,7 +659,7 @@ def replay(
         shown = replay(scene, motion, html=html, title=title, log=judged, limits=motors)
     opened = shown.open() if open_browser else None
     urdf = "" if scene.robot is None else scene.robot.urdf
-    read.extend([scene.source, urdf, motion_name or "", log.columns or "", motors or ""])
+    run.read.extend([scene.source, urdf, motion_name or "", log.columns or "", motors or ""])
     lines = partial(replay_lines, shown, opened)
     answer("replay", shown, lines, as_json, scene=scene.source)
     if isinstance(motion, Motion) and motion.status == "interrupted" and motion_name is None:
@@ -791,7 +788,7 @@ def check(
 
     with working("reading the robot and its meshes"):
         report = check(source, xacro_arguments(xacro_arg))
-    read.extend(report.files)
+    run.read.extend(report.files)
     scene_name = "" if report.source.endswith((".urdf", ".xacro")) else report.source
     answer("check", report, partial(check_report, report), as_json, scene=scene_name)
     report.check(strict)  # errors are the last line, and the exit code (2)
@@ -977,12 +974,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):  # a terminal without UTF-8 gets "?", not a traceback
             stream.reconfigure(errors="replace")
-    noticed.clear()
-    telling.update(quiet=False, verbose=False)
-    read.clear()
-    typed[:] = sys.argv[1:] if arguments is None else arguments
+    run.begin(sys.argv[1:] if arguments is None else list(arguments))
     with warnings_as_notices(), running_command():
-        sys.exit(_run(_flags_first(typed)))
+        sys.exit(_run(_flags_first(run.words)))
 
 
 def _flags_first(arguments: list[str]) -> list[str]:
@@ -1014,7 +1008,7 @@ def _run(arguments: list[str]) -> int:
         if os.environ.get("PINFRIC_TRACEBACK"):
             raise
         message, code = _unexpected(problem)
-    if telling["verbose"]:
+    if run.verbose:
         facts(started)
     if message:
         kind = "internal error" if code == INTERNAL_ERROR else "error"

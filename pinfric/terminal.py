@@ -16,6 +16,7 @@ import warnings
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass, field
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, TextIO
@@ -42,13 +43,30 @@ PERIOD = 10.0
 #: What matplotlib warns of where a font has no such letter.
 _NO_LETTER = re.compile(r"Glyph \d+ .*missing from")
 
-#: The warnings of this run and the files that it read, for its JSON.
-noticed: list[str] = []
-#: How much is printed: "quiet" leaves verdicts and errors, "verbose" adds tables and `facts`.
-telling: dict[str, bool] = {"quiet": False, "verbose": False}
-read: list[str | Path] = []
-#: The words of this run behind `pinfric`, as they were typed: a page to sign states them.
-typed: list[str] = []
+
+@dataclass
+class Run:
+    """What one call of the command line was told, has read and has warned of.
+
+    Attributes:
+        words: behind `pinfric`, as they were typed: a page to sign states them.
+        quiet: verdicts and errors alone are printed. verbose: all tables and notes, and `facts`.
+        read: files, for its JSON. warnings: each once, for its JSON.
+    """
+
+    words: list[str] = field(default_factory=list)
+    quiet: bool = False
+    verbose: bool = False
+    read: list[str | Path] = field(default_factory=list)
+    warnings: list[str] = field(default_factory=list)
+
+    def begin(self, words: list[str]) -> None:
+        """Forget the call before: tests and scripts have several in one process."""
+        vars(self).update(vars(Run(words)))
+
+
+#: The one of this process.
+run = Run()
 #: Endings of files of shapes: they are drawn, and change no figure.
 _SHAPES = (".dae", ".stl", ".obj", ".ply", ".glb", ".png", ".jpg", ".jpeg", ".mtl")
 
@@ -135,9 +153,9 @@ def load(
     note_input(*(name for name in (trajectory_name, *later) if name))
     if out is not None:
         check_writable(out, names)
-    read.append(scene.source)
+    run.read.append(scene.source)
     if scene.robot is not None:
-        read.append(scene.robot.urdf)
+        run.read.append(scene.robot.urdf)
     if trajectory_name is None or log is None:
         return scene, None
     return scene, load_motion_of(scene, trajectory_name, log)
@@ -156,9 +174,9 @@ def load_motion_of(scene: Scene, trajectory_name: str, log: ReadingOptions) -> T
     from pinfric.motions.trajectory import load_trajectory
 
     trajectory = load_trajectory(trajectory_name, scene, log)
-    read.append(trajectory.source)
+    run.read.append(trajectory.source)
     if log.columns is not None:
-        read.append(log.columns)
+        run.read.append(log.columns)
     return trajectory
 
 
@@ -224,10 +242,10 @@ def inputs() -> list[str | Path]:
     """Return the files that this command read, but for shapes, and files of a folder it names."""
     from pinfric.model.inputs import running
 
-    folders = {Path(name).resolve() for name in read if name and Path(name).is_dir()}
+    folders = {Path(name).resolve() for name in run.read if name and Path(name).is_dir()}
     noted = () if (command := running()) is None else command.inputs
     return [
-        *read,
+        *run.read,
         *(
             path
             for path in noted
@@ -280,7 +298,7 @@ def answer(
     """
     from pinfric.show.report.envelope import envelope
 
-    summary = envelope(command, result, scene, inputs(), noticed)
+    summary = envelope(command, result, scene, inputs(), run.warnings)
     if out is not None:
         from pinfric.model.files import write_folder
 
@@ -295,7 +313,7 @@ def answer(
         say(f"wrote {', '.join(map(str, written))}")
     if as_json:
         show(summary)
-    elif verdict is not None and telling["quiet"]:
+    elif verdict is not None and run.quiet:
         print_line(verdict())
     else:
         show(report())
@@ -366,7 +384,7 @@ def print_line(text: str) -> None:
 
 def say(text: str, *, error: bool = False) -> None:
     """Tell in one line what goes on, beside the results; with --quiet errors only."""
-    if error or not telling["quiet"]:
+    if error or not run.quiet:
         print(f"pinfric: {one_line(text)}", file=sys.stderr)
 
 
@@ -378,7 +396,7 @@ def facts(started: float) -> None:
     """
     from importlib.metadata import version
 
-    for file in dict.fromkeys(str(file) for file in read if file):
+    for file in dict.fromkeys(str(file) for file in run.read if file):
         say(f"read {file}")
     packages = ", ".join(f"{name} {version(name)}" for name in ("pin", "numpy", "numba"))
     say(f"versions: pinfric {__version__}, Python {sys.version.split()[0]}, {packages}")
@@ -387,8 +405,8 @@ def facts(started: float) -> None:
 
 def notice(text: str) -> None:
     """Show a warning as one line on stderr, each text once."""
-    if text not in noticed:
-        noticed.append(text)
+    if text not in run.warnings:
+        run.warnings.append(text)
         say(f"warning: {text}")
 
 
