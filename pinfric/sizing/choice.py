@@ -99,7 +99,7 @@ class Task:
 
     def added(self, taken: Mapping[int, Assessment]) -> dict[int, float]:
         """Return the masses that drives add to the robot's links, by the drives' columns."""
-        masses = {i: a.candidate.mass for i, a in taken.items()}
+        masses = {i: a.mass for i, a in taken.items()}
         return added_masses(self.scene, self.conditions, masses)
 
     def is_unloaded(self, i: int) -> bool:
@@ -261,7 +261,7 @@ class Choice:
     @property
     def mass(self) -> float:
         """Of all drives, as far as it is known, kg."""
-        return sum(a.candidate.mass or 0.0 for a in self.taken.values())
+        return sum(a.mass or 0.0 for a in self.taken.values())
 
     @property
     def names(self) -> dict[int, str]:
@@ -270,7 +270,7 @@ class Choice:
 
 
 def _names(taken: Mapping[int, Assessment]) -> dict[int, str]:
-    return {i: assessment.candidate.name for i, assessment in taken.items()}
+    return {i: assessment.name for i, assessment in taken.items()}
 
 
 def bearing_stops(task: Task, demanded: Demanded | None = None) -> Choice:
@@ -466,7 +466,7 @@ def _ban(
     if len(before) >= _PATIENCE and now in before[:-1]:
         for i in tip_to_base(task.scene):
             found = [one.get(i) for one in seen[before.index(now) :]]
-            mass = {a.candidate.name: a.candidate.mass or 0.0 for a in found if a is not None}
+            mass = {a.name: a.mass or 0.0 for a in found if a is not None}
             if len(mass) + (None in found) > 1:
                 banned = demanded.banned.get(i, frozenset()) | {min(mass, key=mass.__getitem__)}
                 return replace(demanded, banned={**demanded.banned, i: banned})
@@ -487,7 +487,7 @@ def _together(
     table = [
         [
             (
-                a.candidate.mass or 0.0,
+                a.mass or 0.0,
                 stiffness_of(a),
                 task.added({i: a}).get(i, 0.0) if carried(scene, i) else 0.0,
             )
@@ -527,10 +527,10 @@ def _shared(
         own = [i for i in map(task.scene.actuator_names.index, group) if i in searches]
         if not own:
             continue
-        heaviest = max(own, key=lambda i: taken[i].candidate.mass or 0.0 if i in taken else 0.0)
+        heaviest = max(own, key=lambda i: taken[i].mass or 0.0 if i in taken else 0.0)
         for _, _, *drive in searches[heaviest].offers():
             judged = {i: searches[i].judge(*drive) for i in own}
-            banned = {a.candidate.name for a in judged.values()} & {
+            banned = {a.name for a in judged.values()} & {
                 name for i in own for name in searches[i].parts.banned
             }
             if all(a.fits for a in judged.values()) and not banned:
@@ -541,7 +541,7 @@ def _shared(
 
 def contradiction(task: Task, taken: Mapping[int, Assessment]) -> str:
     """Say that links are lighter than the drives that the scene says they hold; else empty."""
-    masses = {i: a.candidate.mass for i, a in taken.items()}
+    masses = {i: a.mass for i, a in taken.items()}
     held = held_drives(task.scene, masses, task.conditions.mass_in_urdf)
     worst = held[0] if held[0].share > 1.0 else max(held, key=lambda one: one.share)
     if worst.share <= 1.0:

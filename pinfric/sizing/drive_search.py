@@ -110,6 +110,16 @@ class Assessment:
         return found
 
     @property
+    def name(self) -> str:
+        """Motor and gear."""
+        return self.candidate.name
+
+    @property
+    def mass(self) -> float | None:
+        """In kg; None: not known."""
+        return self.candidate.mass
+
+    @property
     def kind(self) -> str:
         """Of its gear; of a gearmotor empty."""
         return self.candidate.gear.kind if self.candidate.gear is not None else ""
@@ -170,8 +180,8 @@ class Assessment:
 
 def rank(assessment: Assessment) -> tuple[float, bool, float, str]:
     """Order of drives that fit: by mass, printed before computed curves, then margin, then name."""
-    made = assessment.candidate
-    return made.mass or 0.0, made.ratings.computed_curve, -round(assessment.margin, 9), made.name
+    computed = assessment.candidate.ratings.computed_curve
+    return assessment.mass or 0.0, computed, -round(assessment.margin, 9), assessment.name
 
 
 @dataclass(frozen=True)
@@ -731,14 +741,14 @@ class DriveSearch:
         found: list[Assessment] = []
         for mass, margin, b, g, m in self.offers():
             if len(found) == count:
-                heaviest = found[-1].candidate.mass or 0.0
+                heaviest = found[-1].mass or 0.0
                 if mass > heaviest * (1 + 1e-12):
                     break
                 printed = not found[-1].candidate.ratings.computed_curve
                 if mass >= heaviest and printed and margin < found[-1].margin - 1e-8:
                     continue  # of equal masses the greater margin comes first
             judged = self.judge(b, g, m)
-            name, heavy = judged.candidate.name, judged.candidate.mass or 0.0
+            name, heavy = judged.name, judged.mass or 0.0
             if judged.fits and name not in self.parts.banned and heavy <= self.parts.most:
                 found = sorted([*found, judged], key=rank)[:count]
         return found
@@ -752,7 +762,7 @@ class DriveSearch:
             stiffness = float(self.arrays.groups[b].drives.gear.stiffness[g, 0])
             if stiffness > stiffest:
                 judged = self.judge(b, g, m)
-                if judged.fits and judged.candidate.name not in self.parts.banned:
+                if judged.fits and judged.name not in self.parts.banned:
                     alike.append(judged)
             last = k + 1 == len(offers) or offers[k + 1][0] > mass
             if last and alike:
@@ -788,7 +798,7 @@ class DriveSearch:
             if best is not None and best.margin >= -bound:
                 break
             judged = self.judge(b, g, m)
-            if judged.fits or judged.unknown or judged.candidate.name in self.parts.banned:
+            if judged.fits or judged.unknown or judged.name in self.parts.banned:
                 continue
             if judged.margin > worst and (best is None or judged.margin > best.margin):
                 best = judged

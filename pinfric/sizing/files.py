@@ -27,9 +27,7 @@ def sized_files(report: SizingReport, folder: Path) -> dict[str, str]:
         folder: where they will stand; files are named relative to it.
     """
     catalog, robot = report.catalog, report.given.robot
-    drives = {
-        j.name: {"drive": j.choice.candidate.name} for j in report.joints if j.choice is not None
-    }
+    drives = {j.name: {"drive": j.choice.name} for j in report.joints if j.choice is not None}
     if catalog is None or len(drives) < len(report.joints):
         return {}
     by = f"# Drives chosen by `pinfric size`: {report.verdict.headline}.\n"

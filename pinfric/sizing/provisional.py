@@ -120,9 +120,8 @@ def _judged(search: DriveSearch, b: int, g: int, m: int, hot: bool) -> Assessmen
         return all(c.name in (_HEAT if hot else ()) for c in found.failed)
 
     found = assess(least * (1 + 1e-9))
-    drive = found.candidate
-    heavy = (drive.mass or 0.0) > search.parts.most
-    if drive.name in search.parts.banned or heavy or not passes(found):
+    heavy = (found.mass or 0.0) > search.parts.most
+    if found.name in search.parts.banned or heavy or not passes(found):
         return None
     if inertial:
         low, high = least, max(least, 1e-9)

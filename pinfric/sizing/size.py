@@ -120,9 +120,9 @@ class JointSizing:
     @property
     def decided_by(self) -> str:
         """Which of cycle and rating alone takes the heavier drive; "" where only one is given."""
-        if len({a and a.candidate.name for a in self.alone.values()}) == 1:
+        if len({a and a.name for a in self.alone.values()}) == 1:
             return "both"
-        mass = {n: np.inf if a is None else a.candidate.mass for n, a in self.alone.items()}
+        mass = {n: np.inf if a is None else a.mass for n, a in self.alone.items()}
         return max(mass, key=lambda name: mass[name] or 0.0, default="")
 
     @property
@@ -134,22 +134,22 @@ class JointSizing:
     def alternatives(self) -> tuple[Assessment, ...]:
         """The lightest drives that fit, the choice left out."""
         found = [] if self.search is None or self.choice is None else self.search.fitting(_ENOUGH)
-        mine = self.choice and self.choice.candidate.name
-        return tuple(a for a in found if a.candidate.name != mine)
+        mine = self.choice and self.choice.name
+        return tuple(a for a in found if a.name != mine)
 
     @cached_property
     def next_smaller(self) -> Assessment | None:
         """The drive lighter than the choice with the smallest shortfall."""
         if self.search is None or self.choice is None:
             return None
-        return self.search.nearest(below=self.choice.candidate.mass or np.inf)
+        return self.search.nearest(below=self.choice.mass or np.inf)
 
     @cached_property
     def ask(self) -> tuple[Ask, ...]:
         """Products lighter than the choice that might do but cannot be signed."""
         if self.search is None:
             return ()
-        mass = None if self.choice is None else self.choice.candidate.mass
+        mass = None if self.choice is None else self.choice.mass
         return self.search.ask(np.inf if mass is None else mass)
 
     @cached_property
@@ -161,16 +161,16 @@ class JointSizing:
         if self.search is None:
             return ()
         beside = (self.installed, *self.alternatives, self.next_smaller, *self.search.all_of_few())
-        found = {a.candidate.name: a for a in reversed(beside) if a is not None}
-        order = {a.candidate.name: k for k, a in enumerate((self.choice, *self.alternatives)) if a}
+        found = {a.name: a for a in reversed(beside) if a is not None}
+        order = {a.name: k for k, a in enumerate((self.choice, *self.alternatives)) if a}
         return tuple(
             sorted(
                 found.values(),
                 key=lambda a: (
-                    order.get(a.candidate.name, len(order)),
+                    order.get(a.name, len(order)),
                     bool(a.lacks or a.unknown),
                     -a.margin,
-                    a.candidate.name,
+                    a.name,
                 ),
             )
         )
@@ -189,10 +189,10 @@ class JointSizing:
         if self.nearest is not None and self.nearest.would:
             of = counted(self.candidates, "candidate")
             of += " that its link can hold" * bool(np.isfinite(self.search.parts.most))
-            made, asked = self.nearest.candidate, request(self.nearest.lacks, self.nearest.kind)
-            return f"{self.name}: none of {of} can be signed; {made.name} is provisional: {asked}"
+            name, asked = self.nearest.name, request(self.nearest.lacks, self.nearest.kind)
+            return f"{self.name}: none of {of} can be signed; {name} is provisional: {asked}"
         if self.nearest is not None:
-            name = self.nearest.candidate.name
+            name = self.nearest.name
             return f"{none}; the closest candidate is {name}: {self.nearest.why}"
         if self.ask:
             first = self.ask[0]
@@ -202,8 +202,8 @@ class JointSizing:
             )
         closest = self.search.nearest(worst=-np.inf)
         if closest is None:
-            return "; ".join([none, *(f"{a.candidate.name} {a.why}" for a in self.assessments[:1])])
-        why = f"{closest.candidate.name}: {closest.failed[0].why}"
+            return "; ".join([none, *(f"{a.name} {a.why}" for a in self.assessments[:1])])
+        why = f"{closest.name}: {closest.failed[0].why}"
         return f"{none}; all miss by more than a factor of ten: {why}"
 
 
@@ -259,7 +259,7 @@ class SizingReport(Shown):
     def __repr__(self) -> str:
         names = [joint.name for joint in self.joints]
         peaks = [f"{joint.demand.peak:.3g} {joint.demand.unit}" for joint in self.joints]
-        chosen = [(j.name, j.choice.candidate.name) for j in self.joints if j.choice is not None]
+        chosen = [(j.name, j.choice.name) for j in self.joints if j.choice is not None]
         settled = "settled" if self.settled else "not settled"
         facts = {"peaks": listed(names, peaks)}
         if self.catalog is not None:

@@ -295,7 +295,7 @@ def _rating_summary(report: SizingReport, rated: Rated) -> RatingSummary:
         joint, taken = report.joints[lift.drive], report.joints[lift.drive].installed
         stiffness = np.nan if taken is None else stiffness_of(taken)
         hertz = resonance(stiffness, number(joint.load_inertia))
-        alone = {name: None if a is None else a.candidate.name for name, a in joint.alone.items()}
+        alone = {name: None if a is None else a.name for name, a in joint.alone.items()}
         joints.append(
             RatedJoint(
                 joint.name,
@@ -379,15 +379,14 @@ def _sized_joint(report: SizingReport, k: int, lever: float) -> SizedJoint:
         **vars(joint.demand),
         peak_without_masses=joint.demand_without_masses.peak,
         rms_without_masses=joint.demand_without_masses.rms,
-        choice=None if joint.choice is None else joint.choice.candidate.name,
+        choice=None if joint.choice is None else joint.choice.name,
         decided_by=joint.decided_by or None,
         verdict=verdicts[k] if verdicts else None,
         provisional=_provisional(joint.nearest),
         installed=None if taken is None else _installed(taken, report.criteria[k], lever),
         standstill=report.standstills[k],
         alternatives=tuple(
-            Candidacy(a.candidate.name, a.candidate.mass, a.margin, len(a.not_checked))
-            for a in joint.alternatives
+            Candidacy(a.name, a.mass, a.margin, len(a.not_checked)) for a in joint.alternatives
         ),
         nearest_miss=joint.no_fit or None,
         next_smaller=None if smaller is None else _next_smaller(smaller),
@@ -397,16 +396,15 @@ def _sized_joint(report: SizingReport, k: int, lever: float) -> SizedJoint:
 def _provisional(taken: Assessment | None) -> Provisional | None:
     if taken is None or not taken.would:
         return None
-    made = taken.candidate
-    would, sources = "; ".join(taken.would), "; ".join(made.sources)
-    return Provisional(made.name, made.mass, of_maker(taken.lacks, taken.kind), would, sources)
+    would, sources = "; ".join(taken.would), "; ".join(taken.candidate.sources)
+    return Provisional(taken.name, taken.mass, of_maker(taken.lacks, taken.kind), would, sources)
 
 
 def _next_smaller(smaller: Assessment) -> NextSmaller:
-    failed, candidate = smaller.failed, smaller.candidate
+    failed = smaller.failed
     parts = [f"{c.name}: {c.shortfall}" for c in failed[:_MOST_MISSES]]
     parts += [f"{len(failed) - _MOST_MISSES} more"] * (len(failed) > _MOST_MISSES)
-    return NextSmaller(candidate.name, smaller.why, candidate.mass, "; ".join(parts))
+    return NextSmaller(smaller.name, smaller.why, smaller.mass, "; ".join(parts))
 
 
 def margins(found: SizingSummary) -> list[CriterionMargins]:
@@ -428,7 +426,7 @@ def _installed(taken: Assessment, criteria: tuple[Criterion, ...], lever: float)
     return gathered(
         Installed,
         taken.candidate,
-        judged=taken.candidate.name,
+        judged=taken.name,
         backlash_at_tool=None if gap is None or np.isnan(lever) else gap * lever,
         not_checked=len(taken.not_checked),
         margins={c.name: c.margin for c in criteria},

@@ -310,7 +310,7 @@ def _of_joint(joint: JointSizing, criteria: tuple[Criterion, ...], doubted: bool
     return JointVerdict(
         name=joint.name,
         state=state,
-        mass=0.0 if taken is None else taken.candidate.mass or 0.0,
+        mass=0.0 if taken is None else taken.mass or 0.0,
         margin=None if tightest is None else tightest.margin or 0.0,
         tightest=None if tightest is None else tightest.name,
         why=why,

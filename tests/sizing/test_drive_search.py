@@ -320,7 +320,9 @@ def test_of_equal_masses_the_exact_margin_counts_not_its_bound():
     offers = [(1.0, bound, 0, 0, k) for k, bound in enumerate((0.5, 0.4, 0.2))]
     judged = [
         SimpleNamespace(
-            candidate=SimpleNamespace(mass=2.0 if k == 3 else 1.0, name=f"{k}", ratings=Ratings()),
+            candidate=SimpleNamespace(ratings=Ratings()),
+            mass=2.0 if k == 3 else 1.0,
+            name=f"{k}",
             margin=x,
             fits=True,
         )

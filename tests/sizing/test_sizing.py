@@ -612,13 +612,13 @@ def test_of_drives_that_alternate_the_heavier_one_stays(monkeypatch):
     def search(task, i, masses, demanded):
         none = demanded.banned.get(i, set()) | ({"light"} if masses.get(1, 0.0) < 1.0 else set())
         name = next(name for name in mass if name not in none)
-        found = SimpleNamespace(candidate=SimpleNamespace(name=name, mass=mass[name]))
+        found = SimpleNamespace(name=name, mass=mass[name])
         return SimpleNamespace(lightest=lambda: found)
 
     monkeypatch.setattr("pinfric.sizing.choice.search_at", search)
     choice = choose(task, Demanded())
     assert choice.settled
-    assert choice.taken[1].candidate.name == "heavy"
+    assert choice.taken[1].name == "heavy"
 
 
 def test_progress_names_the_pass_and_the_drive(tmp_path):
