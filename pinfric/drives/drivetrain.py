@@ -79,19 +79,9 @@ PER_DC_AMPERE = {"dc": 1.0, "rms": (2 / 3) ** 0.5, "peak": 2 / 3**0.5}
 class Ratings:
     """A maker's ratings at the rated shaft: a motor's own, or a gearmotor's output.
 
-    Attributes:
-        continuous_torque, peak_torque, stall_torque: N m.
-        continuous_curve: points (rad/s, N m) of the continuous torque over speed.
-        continuous_stall_torque: N m, for ever at a standstill.
-        torque_constant: N m/A. resistance: ohm at 25 C; both of the equivalent DC motor.
-        nominal_voltage, max_voltage: V.
-        no_load_speed, rated_speed: rad/s at the nominal voltage. max_speed: rad/s.
-        thermal: of the winding. thermal_time: of the whole motor, s.
-        rated_ambient: to which the continuous ratings refer, deg C.
-        ambient_curve: points (deg C, part of the continuous ratings).
-        cooling: of `policy.COOLING`, that the ratings need; None: none.
+    Attributes: as of `catalog.Motor`, in its units, completed by `ratings_of`, and
+        torque_constant, resistance: of the equivalent DC motor, between terminals.
         peak_by_stall: what the stall torque says of a peak torque that is not printed, N m.
-        stepper: of a stepper motor; its torque in motion is that of its pull-out curve.
         derived: what was computed from others (continuous or peak torque, "line"), and how.
     """
 
@@ -594,8 +584,7 @@ def gear_transmission(
 ) -> tuple[Transmission | None, str]:
     """Return a gear's ratio and losses for the dynamics, and how they were found, in words.
 
-    eta_load = t/(t/eta - n_run), n_run = starting torque + viscous x speed (see the module). None
-    where the efficiency or the inertia is not known.
+    See the module; None where the efficiency or the inertia is not known.
 
     Args:
         gear: its entry. ratio: one of its ratios.

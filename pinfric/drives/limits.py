@@ -1,8 +1,7 @@
-"""The one table of a drive's limits: `size`, `sweep` and `retime` read it (`limit.Limit`).
+"""The one table of a drive's limits (`limit.Limit`).
 
-`size` takes the needs of a whole cycle, over the drives of a catalogue and of one drive; `sweep`
-those of every sample of its own; `retime` bounds each instant of a motion by the rows whose need is
-one of `SIGNALS`.
+`size` takes the needs of a whole cycle, `sweep` those of every sample of its own, `retime` those of
+each instant of a motion.
 """
 
 from __future__ import annotations

@@ -169,9 +169,9 @@ def bus_power(
 
 
 def held_voltage(power: np.ndarray, conditions: Conditions) -> np.ndarray | None:
-    """Return the bus voltage (T,) under a power, NaN where it collapses; None: not known.
+    """Return the bus voltage U (T,) under a power, NaN where it collapses; None: not known.
 
-    U = U_0/2 + sqrt(U_0^2/4 - R_s P); power that is fed back does not lift it here.
+    Power that is fed back does not lift it here.
 
     Args:
         power: (T,) W, from the bus. conditions: U_0 and R_s.

@@ -1,4 +1,12 @@
-"""The choice of drives for a robot along its cycles: from the tips to the base until it stays."""
+"""The choice of drives for a robot along its cycles.
+
+Motors have mass. The motor and gear of joint j are held by the joint's parent link, with their mass
+at the joint's origin (a point; their own moments of inertia and their offset from the axis are left
+out), so they load the joints nearer to the base, not their own. Joints are therefore sized from the
+tips to the base, each with the drives chosen beyond it in the model, and all over again until no
+choice changes. The rotor's inertia acts on its own motor as r^2 J a; gyroscopic torques of rotors,
+and their share in other joints' inertias, are left out (for ratio r: 1/r of it).
+"""
 
 from __future__ import annotations
 
@@ -247,9 +255,7 @@ class Choice:
 
     Attributes:
         taken: with their criteria. demanded: what they were held against beside the cycle.
-        passes: over all joints until no choice changed. settled: no choice changed in the last.
-        open_stops: of a rating alone, what gears would have to bear in stops, N m or N; no drive
-            was chosen by it.
+        passes, settled, open_stops: as of `SizingReport`.
     """
 
     taken: Mapping[int, Assessment]
@@ -357,8 +363,6 @@ def _stop_peaks(
 def choose(task: Task, demanded: Demanded) -> Choice:
     """Return the lightest drives that fit, each with the masses of those beyond it in the model.
 
-    From the tips to the base, and all over again until no choice changes.
-
     Warns:
         PinfricWarning: it still alternates after twelve passes.
     """
@@ -423,8 +427,7 @@ def cases(
     The one of largest RMS effort first. A brake holds the largest load of all mountings, where
     their motions differ in every pose.
 
-    Args:
-        i: the drive's column. masses: that other drives add, kg, by their columns.
+    Args: as of `search_at`.
     """
     found = {
         " ".join(x for x in (name, mounting) if x): robot.case(i, masses, schedule)._replace(

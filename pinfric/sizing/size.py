@@ -1,12 +1,4 @@
-"""Motor sizing: the demand of a cycle on each drive, and the drives of a catalogue that fit.
-
-Motors have mass. The motor and gear of joint j are held by the joint's parent link, with their mass
-at the joint's origin (a point; their own moments of inertia and their offset from the axis are left
-out), so they load the joints nearer to the base, not their own. Joints are therefore sized from the
-tips to the base, each with the drives chosen beyond it in the model, and all over again until no
-choice changes. The rotor's inertia acts on its own motor as r^2 J a; gyroscopic torques of rotors,
-and their share in other joints' inertias, are left out (for ratio r: 1/r of it).
-"""
+"""Motor sizing: the demand of a cycle on each drive, and the drives of a catalogue that fit."""
 
 from __future__ import annotations
 

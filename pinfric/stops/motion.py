@@ -87,7 +87,7 @@ class Machine:
 
 @dataclass(frozen=True, eq=False)
 class StopMotion:
-    """A stop, from the moment at which the drives react.
+    """A stop (see the module).
 
     Attributes:
         scene: what stopped.
