@@ -33,7 +33,7 @@ from pinfric.dynamics.inverse.result import StickInterval, runs
 from pinfric.dynamics.simulation.start import start_state
 from pinfric.errors import PinfricError
 from pinfric.exporting.mjcf import MjcfJoint, mjcf
-from pinfric.exporting.tree import Body, bodies
+from pinfric.exporting.tree import MovedBody, bodies
 from pinfric.model.scene import Scene
 from pinfric.model.schema import SineEffort, TableEffort
 from pinfric.motions.joint_columns import configurations, single_positions
@@ -64,7 +64,7 @@ class _Robot:
     """
 
     scene: Scene
-    bodies: tuple[Body, ...]
+    bodies: tuple[MovedBody, ...]
     friction: tuple[float, ...]
     efforts: tuple[Any, ...]
     q0: np.ndarray

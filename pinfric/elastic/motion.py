@@ -91,7 +91,7 @@ class ToolPlace:
 
 
 @dataclass(frozen=True)
-class Rest:
+class RestPeriod:
     """A time in which all joints stand still under one load.
 
     Attributes:
@@ -137,11 +137,11 @@ class Elasticity(Shown):
     result: InverseResult
     drives: tuple[str, ...]
     frequency: np.ndarray
-    rests: tuple[Rest, ...]
+    rests: tuple[RestPeriod, ...]
     notes: tuple[str, ...]
 
     @property
-    def worst(self) -> Rest | None:
+    def worst(self) -> RestPeriod | None:
         """The rest with the widest interval at the tool; without a tool None."""
         known = [rest for rest in self.rests if rest.tool is not None]
         return max(known, key=lambda rest: rest.tool.farthest if rest.tool else 0.0, default=None)
@@ -476,12 +476,12 @@ def _rest(
     span: tuple[int, int, int],
     ways: _Ways,
     swing: tuple[Mode, float],
-) -> Rest:
+) -> RestPeriod:
     scene, (_, first, last), t = result.scene, span, result.times
     torque = [result.effort_lower, result.effort_upper, result.effort_frictionless]
     lower, upper, sag = (_wind_ups(scene, x[[last]])[0] for x in torque)
     mode, stiffest = swing
-    return Rest(
+    return RestPeriod(
         start=float(t[first]),
         end=float(t[last]),
         sample=last,

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from pinfric.elastic.motion import Elasticity, Rest, ToolPlace
+from pinfric.elastic.motion import Elasticity, RestPeriod, ToolPlace
 from pinfric.model.described import PLACE, between, derived, described, gathered, quantity
 
 
@@ -126,7 +126,7 @@ def elastic_summary(found: Elasticity) -> ElasticSummary:
     return ElasticSummary(found.drives, frequency, found.result.scene.tool, rests, found.notes)
 
 
-def _rest(found: Elasticity, rest: Rest) -> RestSummary:
+def _rest(found: Elasticity, rest: RestPeriod) -> RestSummary:
     names, approach, tool = found.result.actuator_names, rest.wind_up_approach, rest.tool
     wind_up = {
         name: WindUp(

@@ -12,7 +12,7 @@ import numpy as np
 import pinocchio as pin
 
 from pinfric.errors import one_line
-from pinfric.exporting.tree import Body
+from pinfric.exporting.tree import MovedBody
 from pinfric.model.spring_entries import TensionSpring
 from pinfric.model.spring_forces import Springs
 
@@ -78,7 +78,7 @@ def creep_velocity(frictionloss: float, mobility: float) -> float:
 
 def mjcf(
     name: str,
-    bodies: Sequence[Body],
+    bodies: Sequence[MovedBody],
     joints: Sequence[MjcfJoint],
     gravity: np.ndarray,
     *,
@@ -152,7 +152,9 @@ def mjcf(
     return xml_text(root)
 
 
-def _add_body(parent: ElementTree.Element, body: Body, joint: MjcfJoint) -> ElementTree.Element:
+def _add_body(
+    parent: ElementTree.Element, body: MovedBody, joint: MjcfJoint
+) -> ElementTree.Element:
     element = _add(parent, "body", name=body.link, **_place(body.placement))
     inertia = _inertia(body)
     moments = [inertia[i, j] for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]
@@ -209,7 +211,7 @@ def _add_tendons(
             _add(tendon, "site", site=site)
 
 
-def _with_sites(element: ElementTree.Element, body: Body) -> ElementTree.Element:
+def _with_sites(element: ElementTree.Element, body: MovedBody) -> ElementTree.Element:
     for name, placement in body.frames.items():
         _add(element, "site", name=name, **_place(placement))
     return element
@@ -231,7 +233,7 @@ def _add_capsule(element: ElementTree.Element, to: np.ndarray) -> None:
         )
 
 
-def _inertia(body: Body) -> np.ndarray:
+def _inertia(body: MovedBody) -> np.ndarray:
     """The body's (3, 3) inertia, raised so that rounding leaves the triangle inequality true."""
     inertia = body.inertia.inertia
     moments = np.linalg.eigvalsh(inertia)

@@ -15,7 +15,7 @@ import pinocchio as pin
 
 from pinfric.exporting.constants import JointConstants
 from pinfric.exporting.mjcf import numbers, xml_comment, xml_text
-from pinfric.exporting.tree import Body, bodies, drake_rotor, rotor_inertias
+from pinfric.exporting.tree import MovedBody, bodies, drake_rotor, rotor_inertias
 from pinfric.model.scene import Scene
 
 
@@ -55,7 +55,7 @@ def sdf(
     return xml_text(root)
 
 
-def _link(body: Body, name: str) -> ElementTree.Element:
+def _link(body: MovedBody, name: str) -> ElementTree.Element:
     """A link whose frame is that of its joint."""
     link = ElementTree.Element("link", name=name)
     _text(link, "pose", numbers([0.0] * 6), relative_to=body.joint.name)
@@ -70,7 +70,7 @@ def _link(body: Body, name: str) -> ElementTree.Element:
 
 
 def _joint(
-    body: Body,
+    body: MovedBody,
     ends: tuple[str, str],
     constants: JointConstants | None,
     coil: tuple[float, float] | None,

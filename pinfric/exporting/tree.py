@@ -17,7 +17,7 @@ from pinfric.motions.joint_columns import JointColumn, joint_columns, stated_lim
 
 
 @dataclass(frozen=True, eq=False)
-class Body:
+class MovedBody:
     """One joint with the body it moves, in Pinocchio's order.
 
     Attributes:
@@ -101,7 +101,7 @@ def drake_rotor(joint: JointConstants, reflected: float) -> dict[str, str]:
     return dict(zip(("drake:rotor_inertia", "drake:gear_ratio"), map(repr, values), strict=True))
 
 
-def bodies(scene: Scene) -> tuple[Body, ...]:
+def bodies(scene: Scene) -> tuple[MovedBody, ...]:
     """Return the bodies of a scene, with the payloads that it carries by default.
 
     Raises:
@@ -123,7 +123,7 @@ def bodies(scene: Scene) -> tuple[Body, ...]:
             )
         limit = np.inf if leads is None else float(model.effortLimit[column.index_v])
         rows.append(
-            Body(
+            MovedBody(
                 joint=column,
                 link=own[0].name if own else name,
                 parent=int(model.parents[row + 1]) - 1,

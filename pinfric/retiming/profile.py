@@ -127,7 +127,7 @@ def _durations(step: np.ndarray, z_a: np.ndarray, z_b: np.ndarray, u: np.ndarray
 
 
 @dataclass(frozen=True)
-class Samples:
+class RetimedSamples:
     """A motion in samples: times, one number per joint, who moves and where.
 
     Attributes:
@@ -146,7 +146,7 @@ class Samples:
     rate: np.ndarray
 
 
-def sample(path: Path, profile: Profile, rate: float, smooth: float = 0.0) -> Samples:
+def sample(path: Path, profile: Profile, rate: float, smooth: float = 0.0) -> RetimedSamples:
     """Return the motion at `rate` (Hz), its end included; v = a = 0 at stops and in holds.
 
     At a stop without a hold the acceleration is that of the move that follows.
@@ -179,7 +179,7 @@ def sample(path: Path, profile: Profile, rate: float, smooth: float = 0.0) -> Sa
         q[here], v[here] = curve(place), first * z[:, None]
         a[here] = first * u[:, None] + curve(place, 2) * (z * z)[:, None]
         s[here], speed[here], moving[here] = place, z, z > 0.0
-    return Samples(t, q, v, a, of, moving, s, speed)
+    return RetimedSamples(t, q, v, a, of, moving, s, speed)
 
 
 def _smoothed(

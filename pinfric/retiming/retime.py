@@ -33,7 +33,7 @@ from pinfric.motions.trajectory import Trajectory
 from pinfric.retiming.limits import DriveLimits, LimitsLike, limited_scene, read_limits
 from pinfric.retiming.path import Path, check_limits, load_path
 from pinfric.retiming.problem import PathProblem, Policy, modes, usage
-from pinfric.retiming.profile import Profile, Samples, columns_to_velocities, sample
+from pinfric.retiming.profile import Profile, RetimedSamples, columns_to_velocities, sample
 from pinfric.retiming.scan import box_scan, limit_curve
 from pinfric.retiming.tables import (
     Grid,
@@ -334,7 +334,7 @@ class _Retiming:
         if heat and cold:
             yield f"heat is not checked for {', '.join(cold)}: no continuous torque is known"
 
-    def solve(self, points: int) -> tuple[PathProblem, Profile, Samples]:
+    def solve(self, points: int) -> tuple[PathProblem, Profile, RetimedSamples]:
         """Solve; where no way is found, on finer grids: between far points it can be missed."""
         for finer in _FINER:
             try:
@@ -394,7 +394,7 @@ class _Retiming:
         ]
         return self.problem(grids).solve()
 
-    def refine(self, coarse: Profile, points: int) -> tuple[PathProblem, Profile, Samples]:
+    def refine(self, coarse: Profile, points: int) -> tuple[PathProblem, Profile, RetimedSamples]:
         """Solve on the final grid, cut intervals over a limit in two, up to `_ROUNDS` times."""
         self.zones = self._zones(coarse)
         share = coarse.duration / coarse.duration.sum()
@@ -448,7 +448,11 @@ class _Retiming:
         return zones
 
     def _cut(
-        self, problem: PathProblem, profile: Profile, samples: Samples, grids: list[np.ndarray]
+        self,
+        problem: PathProblem,
+        profile: Profile,
+        samples: RetimedSamples,
+        grids: list[np.ndarray],
     ) -> bool:
         """Cut the intervals in which a limit is exceeded; False where there are none."""
         grid, most = problem.grid, 1.0 + 0.5 * self.policy.tolerance
@@ -483,7 +487,7 @@ class _Retiming:
             p, ends = grid.piece[grid.start[j]], grid.s[[grid.start[j], grid.end[j]]]
             grids[p] = distinct(np.array([ends.mean()]), self.path.pieces[p], grids[p])
 
-    def motion(self, samples: Samples) -> Trajectory:
+    def motion(self, samples: RetimedSamples) -> Trajectory:
         """The samples as a trajectory."""
         names = list(self.scene.payloads)
         attached = None
@@ -522,7 +526,7 @@ class _Retiming:
             asked = asked / np.maximum(use, min(use.max(), 1.0))
         return profile, uniform + n * smooth + float(stay.sum()), use
 
-    def heat_used(self, samples: Samples) -> np.ndarray:
+    def heat_used(self, samples: RetimedSamples) -> np.ndarray:
         """Return (na,) the part of its continuous torque that each motor uses over the cycle."""
         judged = inverse_dynamics(self.scene, self.motion(samples))
         used = [rms(judged.times, torque) for torque in signals(judged)["motor torque"].T]
@@ -532,7 +536,7 @@ class _Retiming:
         self,
         problem: PathProblem,
         profile: Profile,
-        samples: Samples,
+        samples: RetimedSamples,
         smooth: float,
         uniform: float | None,
         heat: np.ndarray | None,

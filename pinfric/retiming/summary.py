@@ -37,7 +37,7 @@ class DriveUse:
 
 
 @described
-class Move:
+class RetimedMove:
     """One move between two stops."""
 
     number: int = quantity("from 0", heading="move")

@@ -13,7 +13,7 @@ from pinfric.errors import StopError, choose_from
 from pinfric.model.scene import Scene
 from pinfric.model.schema import Stops
 from pinfric.motions.trajectory import Trajectory
-from pinfric.stops.motion import LONGEST, Machine
+from pinfric.stops.motion import LONGEST, BrakedMachine
 
 #: An effort limit from here on (N m or N) is none: Pinocchio has the largest number.
 UNLIMITED = 1e300
@@ -46,12 +46,12 @@ class Machines:
     settings: Stops
     full: tuple[str, ...]
     products: Mapping[str, str] = field(default_factory=dict)
-    _made: dict[MachineKind, Machine] = field(default_factory=dict)
+    _made: dict[MachineKind, BrakedMachine] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         _check(self.scene, self.settings)
 
-    def of(self, kind: MachineKind) -> Machine:
+    def of(self, kind: MachineKind) -> BrakedMachine:
         """Return a machine."""
         if kind not in self._made:
             self._made[kind] = _machine(self, kind)
@@ -155,7 +155,7 @@ def _check(scene: Scene, settings: Stops) -> None:
         )
 
 
-def _machine(machines: Machines, kind: MachineKind) -> Machine:
+def _machine(machines: Machines, kind: MachineKind) -> BrakedMachine:
     scene, settings = machines.scene, machines.settings
     brakes = {
         d.name: d.transmission.brake
@@ -163,7 +163,7 @@ def _machine(machines: Machines, kind: MachineKind) -> Machine:
         if d.transmission is not None and d.transmission.brake is not None
     }
     by_limits = settings.category == 1 and not settings.deceleration
-    return Machine(
+    return BrakedMachine(
         scene=_with(scene, settings.friction[kind.greatest], kind.load),
         carried=machines.full if kind.load > 0.0 else (),
         torque={

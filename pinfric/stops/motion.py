@@ -48,7 +48,7 @@ _RAMP_SAMPLES = 201
 
 
 @dataclass(frozen=True, eq=False)
-class Machine:
+class BrakedMachine:
     """A robot ready to be stopped: its scene with one friction, one load and one set of brakes.
 
     Attributes:
@@ -138,7 +138,7 @@ class StopMotion:
 
 
 def stop_motion(
-    machine: Machine, q: np.ndarray, v: np.ndarray, slowed: Slowed | None = None
+    machine: BrakedMachine, q: np.ndarray, v: np.ndarray, slowed: Slowed | None = None
 ) -> StopMotion:
     """Return the stop from a state.
 
@@ -202,7 +202,7 @@ def _in_a_row(parts: Sequence[Motion], begin: float) -> list[_Rows]:
     return rows
 
 
-def _ramps(machine: Machine, q: np.ndarray, v: np.ndarray) -> Slowed:
+def _ramps(machine: BrakedMachine, q: np.ndarray, v: np.ndarray) -> Slowed:
     """Every joint with its own constant deceleration until it is at rest."""
     model, d = machine.scene.loaded_model(machine.carried), machine.deceleration
     assert d is not None
@@ -216,7 +216,7 @@ def _ramps(machine: Machine, q: np.ndarray, v: np.ndarray) -> Slowed:
     return Slowed(times, np.array([pin.integrate(model, q, step) for step in way]), speed, a)
 
 
-def _imposed(machine: Machine, given: Slowed) -> _Rows:
+def _imposed(machine: BrakedMachine, given: Slowed) -> _Rows:
     """A motion that the drives impose, with the efforts that it takes."""
     attached = np.tile([n in machine.carried for n in machine.scene.payloads], (len(given.t), 1))
     with warnings.catch_warnings():  # a slow stop goes far beyond the limits: these are no degrees
@@ -229,7 +229,7 @@ def _imposed(machine: Machine, given: Slowed) -> _Rows:
     return _Rows(given.t, given.q, given.v, rate, effort)
 
 
-def _without_power(machine: Machine, q: np.ndarray, v: np.ndarray) -> list[Motion]:
+def _without_power(machine: BrakedMachine, q: np.ndarray, v: np.ndarray) -> list[Motion]:
     """The phases after power-off: one brake after the other closes, then until rest."""
     parts: list[Motion] = []
     t, closed = 0.0, dict(machine.torque) if machine.holds else dict[str, float]()
@@ -241,7 +241,7 @@ def _without_power(machine: Machine, q: np.ndarray, v: np.ndarray) -> list[Motio
 
 
 def _until_rest(
-    machine: Machine, torques: Mapping[str, float], q: np.ndarray, v: np.ndarray, how: str
+    machine: BrakedMachine, torques: Mapping[str, float], q: np.ndarray, v: np.ndarray, how: str
 ) -> Iterator[Motion]:
     """Simulate in pieces, each twice as long as the one before, until all is at rest."""
     gone, piece = 0.0, _PIECE
@@ -255,7 +255,7 @@ def _until_rest(
 
 
 def _simulate(
-    machine: Machine, torques: Mapping[str, float], q: np.ndarray, v: np.ndarray, time: float
+    machine: BrakedMachine, torques: Mapping[str, float], q: np.ndarray, v: np.ndarray, time: float
 ) -> Motion:
     ws, unpowered = machine.closed(torques), np.zeros(len(machine.scene.drives))
     try:
@@ -301,7 +301,7 @@ def no_brake(products: Mapping[str, str], name: str, place: str) -> str:
 
 
 def _does_not_stop(
-    machine: Machine, torques: Mapping[str, float], v: np.ndarray, gone: float, how: str
+    machine: BrakedMachine, torques: Mapping[str, float], v: np.ndarray, gone: float, how: str
 ) -> str:
     """Say which joint still moves, and what to give."""
     scene = machine.scene

@@ -23,7 +23,7 @@ from pinfric.model.massless import massless
 from pinfric.model.transmission import shock_efficiency
 from pinfric.motions.trajectory import Trajectory
 from pinfric.stops.machines import MachineKind, Machines, carried_by
-from pinfric.stops.motion import Machine
+from pinfric.stops.motion import BrakedMachine
 
 #: Samples spread evenly over the cycle, beside those of each axis's largest speed.
 _SPREAD = 80
@@ -34,7 +34,7 @@ _ROUNDING = 1e-9
 
 
 def gear_peaks(
-    machine: Machine,
+    machine: BrakedMachine,
     torque: Mapping[str, float],
     delay: Mapping[str, float],
     q: np.ndarray,
@@ -147,7 +147,7 @@ def cycle_peaks(
     return np.max(most, axis=0)
 
 
-def _falls(machine: Machine, machines: Machines, q: np.ndarray, load: float) -> np.ndarray:
+def _falls(machine: BrakedMachine, machines: Machines, q: np.ndarray, load: float) -> np.ndarray:
     """(T, na) in which direction joints at rest begin to move when power goes off; 0: none."""
     zero, carried = np.zeros((len(q), machine.scene.model.nv)), carried_by(machines, load, len(q))
     still = inverse_dynamics(machine.scene, q, zero, zero, attached=carried)

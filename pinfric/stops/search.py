@@ -35,7 +35,7 @@ from pinfric.model.scene import Scene
 from pinfric.motions.summary import effort_unit, running_integral
 from pinfric.motions.trajectory import Trajectory
 from pinfric.stops.machines import UNLIMITED, MachineKind, Machines, carried_by
-from pinfric.stops.motion import Machine, StopMotion, no_brake, stop_motion, tool_path
+from pinfric.stops.motion import BrakedMachine, StopMotion, no_brake, stop_motion, tool_path
 from pinfric.stops.path import CyclePath
 
 #: Samples spread evenly over the cycle: which other axis still moves matters, and no estimate of
@@ -394,6 +394,6 @@ def estimates(
     return inertia, speed * (cycle.reaction + delay) + way
 
 
-def _per_drive(machine: Machine, figures: Mapping[str, float]) -> np.ndarray:
+def _per_drive(machine: BrakedMachine, figures: Mapping[str, float]) -> np.ndarray:
     """(na,) figures of drives by name, 0 where there is none."""
     return np.array([figures.get(drive.name, 0.0) for drive in machine.scene.drives])

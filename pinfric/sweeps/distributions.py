@@ -169,7 +169,7 @@ class _Counted(Distribution):
         return float(np.mean(np.array(self.levels) < x))
 
 
-class Choice(_Counted):
+class OneOf(_Counted):
     """One of a list of values, all as likely."""
 
     values: tuple[Number, ...] = key(
@@ -177,7 +177,7 @@ class Choice(_Counted):
     )
 
     @model_validator(mode="after")
-    def _all_different(self) -> Choice:
+    def _all_different(self) -> OneOf:
         if len(set(self.values)) < len(self.values):
             raise ValueError("`values` contains a value twice")
         return self
@@ -188,7 +188,7 @@ class Choice(_Counted):
         return self.values
 
 
-class Column(_Counted):
+class TableColumn(_Counted):
     """A column of a table, all rows as likely: one u gives one row in all columns."""
 
     values: Annotated[tuple[Number, ...], Field(min_length=1)]

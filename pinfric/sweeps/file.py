@@ -26,10 +26,10 @@ from pinfric.model.entry import Entry, Number, Version, key, optional, parse
 from pinfric.model.scene_file import find_file
 from pinfric.model.yamlfile import read_yaml
 from pinfric.sweeps.distributions import (
-    Choice,
     Distribution,
     LogNormal,
     Normal,
+    OneOf,
     Steps,
     TruncatedNormal,
     Uniform,
@@ -40,7 +40,7 @@ MOST_SAMPLES = 10_000_000
 _KINDS = ("normal", "truncated_normal", "uniform", "lognormal", "choice", "steps")
 
 
-class Parameter(Entry):
+class SweptParameter(Entry):
     """Distribution of one parameter."""
 
     normal: Normal | None = optional(
@@ -51,7 +51,7 @@ class Parameter(Entry):
     )
     uniform: Uniform | None = optional("between two values", {"low": 0.9, "high": 1.1})
     lognormal: LogNormal | None = optional("of a factor", {"median": 1.0, "sigma": 0.34})
-    choice: Choice | None = optional("one of a list", {"values": [0.0, 1.0, 2.0]})
+    choice: OneOf | None = optional("one of a list", {"values": [0.0, 1.0, 2.0]})
     steps: Steps | None = optional(
         "at equal distances, for grids", {"low": 0.5, "high": 1.5, "count": 11}
     )
@@ -60,7 +60,7 @@ class Parameter(Entry):
     )
 
     @model_validator(mode="after")
-    def _one_distribution(self) -> Parameter:
+    def _one_distribution(self) -> SweptParameter:
         kinds = [kind for kind in _KINDS if getattr(self, kind) is not None]
         if len(kinds) != 1:
             raise ValueError(f"give one of {', '.join(_KINDS)}; found {', '.join(kinds) or 'none'}")
@@ -98,7 +98,7 @@ class SweepFile(Entry):
     """
 
     pinfric_sweep: Version = key("version of the format", 1)
-    parameters: dict[str, Parameter] = key(
+    parameters: dict[str, SweptParameter] = key(
         "parameter -> its distribution",
         {"friction.*.mu": {"lognormal": {"median": 1.0, "sigma": 0.34}}},
         default_factory=dict,

@@ -39,7 +39,7 @@ from pinfric.model.scene import Scene
 from pinfric.model.schema import Actuator, Friction, Payload
 from pinfric.model.transmission import MakersEfficiency, OwnTransmission
 from pinfric.motions.trajectory import Trajectory
-from pinfric.sweeps.distributions import Column, Distribution
+from pinfric.sweeps.distributions import Distribution, TableColumn
 from pinfric.sweeps.file import MOST_SAMPLES, SweepFile
 
 #: Numbers that a sweep sets; all else it multiplies.
@@ -169,7 +169,7 @@ def _table_targets(scene: Scene, table: str | None, problems: list[str]) -> list
                 raise SweepError(
                     f"row {wrong[0] + 1} has no finite number" if wrong.size else "has no rows"
                 )
-            drawn = Column(values=tuple(column.tolist()))
+            drawn = TableColumn(values=tuple(column.tolist()))
             if impossible := _impossible(section, key, "its column", drawn):
                 raise SweepError(impossible)
         except SweepError as problem:
@@ -465,7 +465,7 @@ def draw(targets: Sequence[Target], sweep: SweepFile) -> np.ndarray:
         u = np.concatenate([A, B, *(np.where(np.arange(d) == j, B, A) for j in range(d))])
     if len(u) > MOST_SAMPLES:
         raise SweepError(f"Sobol's design has {len(u):,} samples; at most {MOST_SAMPLES:,}")
-    rows = [j for j, target in enumerate(targets) if isinstance(target.distribution, Column)]
+    rows = [j for j, target in enumerate(targets) if isinstance(target.distribution, TableColumn)]
     u[:, rows] = u[:, rows[:1]]  # one row of the table in all its columns
     return _columns(target.distribution.quantile(u[:, j]) for j, target in enumerate(targets))
 

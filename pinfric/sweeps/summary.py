@@ -60,7 +60,7 @@ class DriveSpread:
 
 
 @described
-class MotorOnTrial:
+class TriedMotor:
     """Share of samples in which one drive of the catalogue suffices."""
 
     drive: str = quantity("its drive", heading="joint", name=True)
@@ -92,7 +92,7 @@ class SweepSummary:
     parameters: tuple[VariedParameter, ...] = quantity("what varies")
     joints: tuple[DriveSpread, ...] = quantity("the drives")
     correlation_noise: float = quantity("smaller rank correlations are not significant")
-    motors: tuple[MotorOnTrial, ...] = quantity("on trial")
+    motors: tuple[TriedMotor, ...] = quantity("on trial")
     all_motors_suffice: Probability | None = quantity("share of samples; none: no motor is checked")
     elastic: Mapping[str, Mapping[str, float]] = quantity(
         "result of elastic gears -> percentile -> value, Hz or m; the worst of each cycle"
@@ -152,9 +152,9 @@ def _spreads(result: SweepResult, figure: str) -> list[Spread]:
     return spreads
 
 
-def _on_trial(result: SweepResult, trial: Trial) -> MotorOnTrial:
+def _on_trial(result: SweepResult, trial: Trial) -> TriedMotor:
     return gathered(
-        MotorOnTrial,
+        TriedMotor,
         trial,
         name=trial.candidate.name,
         ratio=trial.candidate.ratio,

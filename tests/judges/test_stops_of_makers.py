@@ -5,7 +5,7 @@ import pinocchio as pin
 import pytest
 
 import pinfric as pf
-from pinfric.stops.motion import Machine, stop_motion
+from pinfric.stops.motion import BrakedMachine, stop_motion
 
 #: Universal Robots UR10/CB3 user manual, 1.6.2 (2009-2020, p. 14): speed of the tool, m/s, and
 #: longest stopping time of the safety system, s; arm extended horizontally, 10 kg, category 0 or 1.
@@ -29,7 +29,7 @@ def stop_of(robot, mass, axis, speed, large, small):
     scene = pf.load_scene(robot).with_(payloads={"load": load})
     names = scene.actuator_names
     torque = dict(zip(names, [large] * 3 + [small] * 3, strict=True))
-    machine = Machine(scene, ("load",), torque, dict.fromkeys(names, 1e-4), {}, None)
+    machine = BrakedMachine(scene, ("load",), torque, dict.fromkeys(names, 1e-4), {}, None)
     v = np.zeros(6)
     v[axis] = speed
     found = stop_motion(machine, np.zeros(6), v)

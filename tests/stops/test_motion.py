@@ -11,12 +11,12 @@ from stop_cases import ARM, arm, axis, turntable
 import pinfric as pf
 from pinfric.errors import StopError
 from pinfric.stops.machines import MachineKind, Machines
-from pinfric.stops.motion import Machine, stop_motion, tool_path
+from pinfric.stops.motion import BrakedMachine, stop_motion, tool_path
 
 
 def machine(scene, torque, delay, drive_torque=0.0, deceleration=None):
     """The machine of a scene whose only drive is "axis"."""
-    return Machine(
+    return BrakedMachine(
         scene=scene,
         carried=(),
         torque={} if torque is None else {"axis": torque},
@@ -124,7 +124,7 @@ def test_an_imposed_deceleration_costs_what_inverse_dynamics_says():
 def two_brakes(scene):
     names = ("lift", "elbow")
     torque, delay = (dict(zip(names, ARM[x], strict=True)) for x in ("brakes", "delays"))
-    return Machine(scene, (), torque, delay, {}, None)
+    return BrakedMachine(scene, (), torque, delay, {}, None)
 
 
 START = np.array([0.4, 0.7]), np.array([1.8, -2.5])

@@ -12,7 +12,7 @@ from stop_cases import axis
 
 import pinfric as pf
 from pinfric.stops.machines import Machines, full_load, stop_settings
-from pinfric.stops.motion import Machine
+from pinfric.stops.motion import BrakedMachine
 from pinfric.stops.peaks import braking, cycle_peaks, gear_peaks
 
 RATIOS, ROTORS = np.array([-100.0, 80.0, 50.0]), np.array([1e-4, 8e-5, 3e-5])
@@ -75,7 +75,7 @@ def test_peaks_of_all_joints_by_pinocchios_forward_dynamics(carried, torque):
     q, v = random.uniform(-2.0, 2.0, (2, 20, 3))
     v[::4, 1] = 0.0
     delay, torque = (dict(zip(NAMES, x, strict=True)) for x in (DELAYS, BRAKES))
-    machine = Machine(scene, carried, {}, {}, {}, None)
+    machine = BrakedMachine(scene, carried, {}, {}, {}, None)
     found = gear_peaks(machine, torque, delay, q, v, np.sign(v))
     judged = [
         by_forward_dynamics(scene, carried, *row, hoses)
@@ -107,7 +107,7 @@ def test_peaks_of_coupled_drives_and_beside_free_joints_by_one_linear_system(nam
             S[given["drives"].index(driven), NAMES.index(other)] = factor
     q, v = random.uniform(-2.0, 2.0, (2, 10, 3))
     delay, torque = (dict.fromkeys(NAMES, 0.01), dict(zip(NAMES, BRAKES, strict=True)))
-    direction, machine = np.sign(v @ S.T), Machine(scene, (), {}, {}, {}, None)
+    direction, machine = np.sign(v @ S.T), BrakedMachine(scene, (), {}, {}, {}, None)
     found = gear_peaks(machine, torque, delay, q, v, direction)
     model, n = scene.loaded_model(()), len(there)
     data, push = model.createData(), (np.abs(RATIOS) * BRAKES / BACK)[there]
@@ -146,10 +146,15 @@ def test_a_self_locking_gear_rests_and_passes_what_comes():
     delay, torque = (dict(zip(NAMES, x, strict=True)) for x in (DELAYS, BRAKES))
     direction, holds = np.sign(v), torque | {"lift": 1e6}
     found = gear_peaks(
-        Machine(scene.with_(actuators=locks), (), {}, {}, {}, None), torque, delay, q, v, direction
+        BrakedMachine(scene.with_(actuators=locks), (), {}, {}, {}, None),
+        torque,
+        delay,
+        q,
+        v,
+        direction,
     )
     direction[:, 1] = 0.0
-    machine = Machine(scene, (), {}, {}, {}, None)
+    machine = BrakedMachine(scene, (), {}, {}, {}, None)
     judged = gear_peaks(machine, holds, delay | {"lift": 0.0}, q, v, direction)
     assert_allclose(found, judged, rtol=1e-9)
 

@@ -13,9 +13,9 @@ import pinfric as pf
 from pinfric.errors import SweepError
 from pinfric.model.described import in_json
 from pinfric.sweeps.distributions import (
-    Choice,
     LogNormal,
     Normal,
+    OneOf,
     Steps,
     TruncatedNormal,
     Uniform,
@@ -276,7 +276,7 @@ def test_quantiles_are_scipys(distribution, reference):
 
 
 def test_choices_and_steps_come_as_often_as_each_other():
-    values = Choice(values=(3.0, 1.0)).quantile(U)
+    values = OneOf(values=(3.0, 1.0)).quantile(U)
     assert_array_equal(values, np.repeat([3.0, 1.0], 2000))
     there, counts = np.unique(Steps(low=0.0, high=1.0, count=5).quantile(U), return_counts=True)
     assert_allclose(there, [0.0, 0.25, 0.5, 0.75, 1.0])

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pinfric.elastic.motion import Elasticity, Rest, ToolPlace
+from pinfric.elastic.motion import Elasticity, RestPeriod, ToolPlace
 from pinfric.elastic.places import outline
 from pinfric.errors import StateError
 from pinfric.show.figure.panel import key_below, sheet
@@ -22,7 +22,7 @@ _INSIDE, _EDGE, _APPROACH, _OPPOSITE = "#CFE3F1", BLUE, RED, GREEN
 _AXES, MM = "xyz", 1e3
 
 
-def tool_figure(elastic: Elasticity, title: str = "", rest: Rest | None = None) -> Figure:
+def tool_figure(elastic: Elasticity, title: str = "", rest: RestPeriod | None = None) -> Figure:
     """Draw the positions that the tool can have at one rest, along three axes, in mm.
 
     Blue is every place that static friction can hold (projections of the zonotope), to one scale;

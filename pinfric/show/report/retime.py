@@ -6,7 +6,7 @@ import math
 from pathlib import Path
 
 from pinfric.retiming.retime import RetimeResult
-from pinfric.retiming.summary import DriveUse, Move, RetimeSummary
+from pinfric.retiming.summary import DriveUse, RetimedMove, RetimeSummary
 from pinfric.show.report.rows import table_of
 from pinfric.show.report.tables import Report, paragraphs
 from pinfric.show.report.values import digits, percent
@@ -23,7 +23,7 @@ def retime_report(
     """
     holds = summary.holds
     moves = [
-        Move(i, float(time), holds[i], holds[i + 1])
+        RetimedMove(i, float(time), holds[i], holds[i + 1])
         for i, time in enumerate(summary.moves.tolist())
     ]
     drives = table_of(

@@ -13,7 +13,7 @@ from pinfric.show.report.rows import table_of
 from pinfric.show.report.tables import Column, ColumnKind, Report, Table, paragraphs
 from pinfric.show.report.values import digits
 from pinfric.sweeps.result import Probability, SweepResult
-from pinfric.sweeps.summary import MotorOnTrial, SweepSummary
+from pinfric.sweeps.summary import SweepSummary, TriedMotor
 
 #: So small a share of the samples is rounding.
 _NONE = 1e-9
@@ -118,7 +118,7 @@ def brief(parameter: str) -> str:
     return parameter.split(".", 1)[-1]
 
 
-def _failures(motor: MotorOnTrial, unsolved: float) -> str:
+def _failures(motor: TriedMotor, unsolved: float) -> str:
     """The criteria that fail in any sample, and in how many, the most frequent first.
 
     Args:
