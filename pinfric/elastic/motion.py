@@ -2,8 +2,8 @@
 
 The drives' torques are those of the rigid robot. Where joints rest, static friction holds any
 torque of the drive's interval, so the wind-up lies between f(lower) and f(upper); where a joint
-came to rest slowly it keeps the friction of the way it came (`RestPeriod.approach`). Places are of first
-order in the wind-up, at the commanded pose; the stiffness of gravity is left out (it shifts
+came to rest slowly it keeps the friction of the way it came (`RestPeriod.approach`). Places are of
+first order in the wind-up, at the commanded pose; the stiffness of gravity is left out (it shifts
 frequencies by some 0.01 %).
 """
 
