@@ -195,7 +195,8 @@ def _frame(scene: Scene, name: str) -> pin.Frame:
         if model.existJointName(name):  # a model made in Python need not have frames
             joint = model.getJointId(name)
             return pin.Frame(name, joint, pin.SE3.Identity(), pin.FrameType.JOINT)
-        names = [frame.name for frame in model.frames] + list(scene.joint_names)
+        links = (f for f in model.frames if f.type == pin.FrameType.BODY and f.parentJoint)
+        names = [link.name for link in links] or list(scene.joint_names)
         raise PinfricError(
             f"{scene.source}: --frame: there is no link {name!r}; {choose_from(name, names)}"
         )

@@ -172,7 +172,10 @@ def read_limits(scene: Scene, limits: LimitsLike) -> tuple[DriveLimits, ...]:
     entries = [*given.values(), others]
     chosen, wanted = None, Conditions()
     if any(_name_of(entry) is not None for entry in entries):
-        chosen = load_catalog(catalog)
+        try:
+            chosen = load_catalog(catalog)
+        except CatalogError as problem:
+            raise CatalogError(f"{limits}: catalog: {problem}") from None
         wanted = parse_conditions(conditions, chosen.conditions)
         check_names(scene, wanted)
     read = []

@@ -29,6 +29,7 @@ FILES = {
     "mm.yaml": SCENE.replace("{urdf", "{gravity: [0, 0, -9810], urdf"),
     "down.yaml": SCENE.replace("{urdf", "{gravity: 9.81, urdf"),
     "points.yaml": "pinfric_trajectory: 1\npoints: []\n",
+    "motors.yaml": "pinfric_motors: 1\ncatalog: nix.yaml\ndrives: {joint_1: {drive: M + G}}\n",
     "report.html": "<html>a: b: c</html>",
     "retimed.json": '{"pinfric": "0.1", "command": "retime"}',
     "swept.json": '{"pinfric": "0.1", "command": "sweep"}',
@@ -76,6 +77,8 @@ inverse report.html pendulum  is a page or a picture, not a scene (YAML, `pinfri
 sweep pendulum pendulum stops.csv  is a log or a table, not a sweep (YAML, `pinfric_sweep: 1`)
 retime pendulum pendulum --motors report.html  not a motors file (YAML, `pinfric_motors: 1`);
 retime pendulum pendulum --motors table.csv  `pinfric catalog table.csv` makes a catalogue
+retime pendulum pendulum --motors motors.yaml  motors.yaml: catalog: there is no file nix.yaml
+export ur10 --to cpp --frame tip  no link 'tip'; there are: shoulder_link, upper_arm_link, for
 simulate retimed.json  `pinfric retime` found, no file for other commands; `pinfric retime --out` wr
 check swept.json  swept.json: is what `pinfric sweep` found, no file for other commands
 explain arm.constants.json  is what `pinfric export` found, no file for other commands
