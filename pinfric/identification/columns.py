@@ -36,6 +36,9 @@ PASS = 8.0
 _PER_PERIOD = 4.0
 #: Periods of the low pass that are left out beside what does not slide; s left out at both ends.
 _BESIDE, _AT_ENDS = 0.35, 0.3
+#: Periods of it between samples from which a reversal between two of them is left out: both signs
+#: fall on samples, which draws a delay to multiples of the step.
+_COARSE = 0.125
 #: Samples of all logs that are kept, an hour at 4 Hz: residuals are autocorrelated over a longer
 #: time than these are apart, so more would tell little.
 _MOST = 15_000
@@ -278,7 +281,8 @@ def _sliding(recording: Recording, known: BoolArray) -> BoolArray:
     """(T, nj) where a joint slides and its effort is known, turning points left out."""
     step, v = recording.step, recording.velocity
     stands = (np.abs(v) <= recording.slowest) | ~known
-    stands[1:] |= v[1:] * v[:-1] < 0.0  # between two samples it was as slow
+    if step * PASS > _COARSE:  # else signs tell the reversals, and these the delay
+        stands[1:] |= v[1:] * v[:-1] < 0.0  # between two samples it was as slow
     slides = ~_beside(stands, step)
     ends = int(np.ceil(_AT_ENDS / step))
     slides[:ends] = slides[-ends:] = False
