@@ -120,7 +120,7 @@ def standstills(
     zero, states = np.zeros_like(result.states.v), result.states
     still = inverse_dynamics(result.scene, states.q, zero, zero, attached=states.attached)
     inertias = None if result.scene.loops else joint_inertias(result.scene, states)
-    found = []
+    standing = []
     for i, drive in enumerate(result.scene.drives):
         own, taken = None if inertias is None else inertias[:, i], drives[i] if drives else None
         there = taken.brake if taken else "" if drives else None
@@ -129,8 +129,8 @@ def standstills(
             own = own - drive.transmission.ratio**2 * inside
         of = (taken.motor, taken.integrated) if taken else ("",)
         fitting = ranked({name: b for name, b in brakes.items() if b.goes_with(*of)})
-        found.append(_standstill(result, still, i, own, fitting, conditions, there))
-    return tuple(found)
+        standing.append(_standstill(result, still, i, own, fitting, conditions, there))
+    return tuple(standing)
 
 
 def _standstill(
@@ -350,10 +350,10 @@ def _use(still: InverseResult, i: int, pose: int, load: float) -> tuple[float | 
     if None not in ratios:
         given = {"motor_torque": effort / np.array(ratios, dtype=float)}
     try:
-        found = holds(scene, still.states.q[pose], attached=attached, **given)
+        hold = holds(scene, still.states.q[pose], attached=attached, **given)
     except PinfricError:
         return None, None
-    return (found.use if found.held else None), found.held
+    return (hold.use if hold.held else None), hold.held
 
 
 def ranked(brakes: Mapping[str, Brake]) -> dict[str, Brake]:

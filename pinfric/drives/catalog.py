@@ -527,11 +527,11 @@ class Gear(Sourced):
         """Return the torques that start it without load, and eta_b by them; None if above 1."""
         if not self.starting_torque or self.back_driving_torque is None:
             return None
-        found = ratio * self.starting_torque / self.back_driving_torque
+        eta_b = ratio * self.starting_torque / self.back_driving_torque
         torques = BackDriving(
             starting_torque=self.starting_torque, back_driving_torque=self.back_driving_torque
         )
-        return (torques, found) if found <= 1.0 else None
+        return (torques, eta_b) if eta_b <= 1.0 else None
 
     def _check_no_load(self, ratio: float, efficiency: float) -> None:
         assert self.no_load_running_torque is not None

@@ -89,11 +89,11 @@ def _of_folder(folder: Path) -> tuple[CatalogFile, ...]:
             more = f" (and {counted(len(others), 'row')} more: `pinfric catalog`)" if others else ""
             warnings.warn(f"{table}: left out: {first}{more}", PinfricWarning, stacklevel=3)
         files[table] = _parsed(imported.content | {imported.section: imported.entries}, table)
-    found: dict[tuple[str, str], tuple[Path, Sourced]] = {}
+    known: dict[tuple[str, str], tuple[Path, Sourced]] = {}
     for path, file in files.items():
         for section in _SECTIONS:
             for name, entry in getattr(file, section).items():
-                other, same = found.setdefault((section, name), (path, entry))
+                other, same = known.setdefault((section, name), (path, entry))
                 if same is not entry and same != entry:
                     raise CatalogError(
                         f"{folder}: {section}.{name}: its figures in {other.name} and in "

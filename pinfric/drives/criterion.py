@@ -134,9 +134,9 @@ def compare(
         margin = 1 - required / available
     margin = max(margin, LEAST_MARGIN)
     status = Status.PASSES if margin >= 0 else Status.FAILS
-    found = float(margin)
+    least = float(margin)
     return Criterion(
-        name, status, required, available, unit, found, formula, source, note, condition
+        name, status, required, available, unit, least, formula, source, note, condition
     )
 
 

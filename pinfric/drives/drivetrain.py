@@ -613,8 +613,8 @@ def gear_transmission(
     if back is not None:
         text += f"{back:.3f}"
     elif (driven := gear.back_driving(ratio)) is not None:
-        back, found = driven
-        text += f"{found:.3f} = ratio x starting torque/back-driving torque"
+        back, eta_b = driven
+        text += f"{eta_b:.3f} = ratio x starting torque/back-driving torque"
     elif isinstance(eta, MakersEfficiency):
         back = "same_loss"
         text += "the same loss (assumed)"
@@ -769,20 +769,24 @@ def ratings_of(entry: Motor | GearMotor) -> Ratings:
     """
     own = vars(entry)
     there = {name: own[name] for name in _RATINGS if name in own}
-    found, derived = Ratings(**there), list[tuple[str, str]]()
-    k, current = found.torque_constant, getattr(entry, "continuous_current", None)
-    continuous, stall, resistance = found.continuous_torque, found.stall_torque, found.resistance
-    if (stepper := found.stepper) is not None:
+    ratings, derived = Ratings(**there), list[tuple[str, str]]()
+    k, current = ratings.torque_constant, getattr(entry, "continuous_current", None)
+    continuous, stall, resistance = (
+        ratings.continuous_torque,
+        ratings.stall_torque,
+        ratings.resistance,
+    )
+    if (stepper := ratings.stepper) is not None:
         continuous = stepper.holding_torque
         text = "holding torque: its current heats it, not the load; see the pull-out torque"
         derived += [(figure, text) for figure in ("continuous torque", "peak torque")]
-        highest = found.max_voltage or EXTRA_LOW_VOLTAGE
-        found = replace(found, peak_torque=continuous, max_voltage=highest)
+        highest = ratings.max_voltage or EXTRA_LOW_VOLTAGE
+        ratings = replace(ratings, peak_torque=continuous, max_voltage=highest)
     if continuous is None and current is not None and k is not None:
         continuous = k * current
         text = "continuous torque = torque constant x continuous current"
         derived.append(("continuous torque", text))
-    peak = found.peak_torque
+    peak = ratings.peak_torque
     if isinstance(entry, GearMotor):
         blocked, current = entry.stall_torque, entry.peak_current
         if continuous is None and blocked is not None:
@@ -801,17 +805,17 @@ def ratings_of(entry: Motor | GearMotor) -> Ratings:
     if isinstance(entry, Motor) and resistance is not None and entry.resistance_of == "phase":
         resistance *= 2.0
         derived.append(("line", "2 x the resistance of a phase between terminals"))
-    if resistance is None and k is not None and stall is not None and found.nominal_voltage:
-        resistance = k * found.nominal_voltage / stall
+    if resistance is None and k is not None and stall is not None and ratings.nominal_voltage:
+        resistance = k * ratings.nominal_voltage / stall
         derived.append(("line", "resistance = torque constant x nominal voltage/stall torque"))
-    curve, stalled = found.continuous_curve, found.continuous_stall_torque
-    if curve is None and continuous and stalled and found.rated_speed and stalled > continuous:
-        curve = ((0.0, stalled), (found.rated_speed, continuous))
+    curve, stalled = ratings.continuous_curve, ratings.continuous_stall_torque
+    if curve is None and continuous and stalled and ratings.rated_speed and stalled > continuous:
+        curve = ((0.0, stalled), (ratings.rated_speed, continuous))
         text = "along a line from the one at standstill to the one at the rated speed"
         derived.append(("continuous torque", text))
-    if continuous is None and found.continuous_curve is not None:
-        continuous = max(torque for _, torque in found.continuous_curve)
-    rated, no_load = found.rated_speed, found.no_load_speed
+    if continuous is None and ratings.continuous_curve is not None:
+        continuous = max(torque for _, torque in ratings.continuous_curve)
+    rated, no_load = ratings.rated_speed, ratings.no_load_speed
     if stall is None and continuous is not None and rated and no_load and rated < no_load:
         stall = continuous / (1 - rated / no_load)
         text = "speed-torque line through the rated point and the no-load speed"
@@ -820,7 +824,7 @@ def ratings_of(entry: Motor | GearMotor) -> Ratings:
     if by_stall is not None and continuous is not None:
         by_stall = min(by_stall, MOST_PEAK * continuous)
     return replace(
-        found,
+        ratings,
         continuous_torque=continuous,
         continuous_curve=curve,
         peak_torque=peak,

@@ -20,7 +20,7 @@ def drive_friction(scene: Scene) -> dict[str, dict[str, str]]:
     """
     guesses = {} if scene.assumed is None else scene.assumed.values
     by_motors = scene.measured is not None and scene.measured.side == "motor"
-    found = {}
+    reasons = {}
     for name, entry in scene.friction.items():
         why = {
             key: "guessed"
@@ -34,8 +34,8 @@ def drive_friction(scene: Scene) -> dict[str, dict[str, str]]:
             if (key in ("coulomb", "viscous") or (key == "mu" and isinstance(entry.bearing, Gear)))
             and term
         }
-        found[name] = {key: text for key, text in why.items() if text}
-    return {name: why for name, why in found.items() if why}
+        reasons[name] = {key: text for key, text in why.items() if text}
+    return {name: why for name, why in reasons.items() if why}
 
 
 def without_drives(scene: Scene, names: Collection[str]) -> Scene:

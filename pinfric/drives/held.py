@@ -65,21 +65,21 @@ def held_drives(
         if scene.masses_hold[i] and carried(scene, i) and scene.actuator_names[i] not in known
     }
     branches = {str(model.names[j]): set(model.subtrees[j]) for j in range(1, model.njoints)}
-    found = []
+    held = []
     for name, links in {"": set(range(1, model.njoints)), **branches}.items():
         inside = sum(mass for link, mass in holders.values() if link in links)
-        found.append(Held(name, inside, float(sum(model.inertias[j].mass for j in links))))
-    return found
+        held.append(Held(name, inside, float(sum(model.inertias[j].mass for j in links))))
+    return held
 
 
 def doubted_masses(held: list[Held]) -> str:
     """Return whether so much of the links' mass would be drives that it is questioned; "": no."""
     whole, worst = held[0], max(held, key=lambda one: one.share)
-    found = worst if worst.share >= _OF_BRANCH else whole if whole.share >= _OF_ALL else None
-    if found is None:
+    doubted = worst if worst.share >= _OF_BRANCH else whole if whole.share >= _OF_ALL else None
+    if doubted is None:
         return ""
-    share = f"{found.share:.0%} of" if found.links > 0.0 else "more than"
+    share = f"{doubted.share:.0%} of" if doubted.links > 0.0 else "more than"
     return (
-        f"drives would be {share} the mass of {found.where}, {found.drives:.3g} of "
-        f"{found.links:.3g} kg: do the links really hold them (`robot.masses`)?"
+        f"drives would be {share} the mass of {doubted.where}, {doubted.drives:.3g} of "
+        f"{doubted.links:.3g} kg: do the links really hold them (`robot.masses`)?"
     )

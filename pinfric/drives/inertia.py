@@ -23,10 +23,10 @@ def joint_inertias(scene: Scene, states: States) -> np.ndarray:
     it is what moves with one while the others stand, (P M P^T)_jj.
     """
     own = np.array([drive.velocity_index for drive in scene.drives], dtype=np.int64)
-    P, found = delivery(scene.drives, scene.model.nv), np.empty((len(states.q), len(own)))
+    P, inertia = delivery(scene.drives, scene.model.nv), np.empty((len(states.q), len(own)))
     for start, stop, carried in states.phases(scene):
         mass = mass_matrices(scene.twin(carried), states.q[start:stop])
-        found[start:stop] = mass[:, own, own]
+        inertia[start:stop] = mass[:, own, own]
         for d in taking_part(scene.drives):  # v^T M v of what moves while the others stand
-            found[start:stop, d] = np.einsum("a,nab,b->n", P[d], mass[:, own][:, :, own], P[d])
-    return found
+            inertia[start:stop, d] = np.einsum("a,nab,b->n", P[d], mass[:, own][:, :, own], P[d])
+    return inertia

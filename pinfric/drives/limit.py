@@ -115,10 +115,10 @@ def _figure(entry: Any, name: str) -> float:
 
 def first_known(side: Figures, figures: Iterable[str]) -> Value:
     """Return the first of these figures that is known."""
-    found: Value = np.nan
+    value: Value = np.nan
     for name in figures:
-        found = np.where(np.isnan(found), getattr(side, name), found)
-    return found
+        value = np.where(np.isnan(value), getattr(side, name), value)
+    return value
 
 
 @dataclass
@@ -389,9 +389,11 @@ class Limit:
             return np.nan
         with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
             have, need = np.asarray(self.available(d)), np.asarray(self.required(d))
-            found = np.where(have > 0, 1 - need / have, np.where(need > 0, -np.inf, 0.0))
-            found = np.where(np.isnan(have) | np.isnan(need) | ~np.asarray(applies), np.nan, found)
-        return np.maximum(found, -1e9)
+            margin = np.where(have > 0, 1 - need / have, np.where(need > 0, -np.inf, 0.0))
+            margin = np.where(
+                np.isnan(have) | np.isnan(need) | ~np.asarray(applies), np.nan, margin
+            )
+        return np.maximum(margin, -1e9)
 
     def _stand_in(self, d: Drives) -> str:
         """Say which figure stands in for the one that is not printed."""

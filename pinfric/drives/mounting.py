@@ -73,11 +73,11 @@ def mountings(scene: Scene) -> dict[str, list[float]]:
     The one that the scene has is left out.
     """
     own = np.asarray(scene.model.gravity.linear)
-    size, found = float(np.linalg.norm(own)), {}
+    size, turned = float(np.linalg.norm(own)), {}
     for axis, name in enumerate("xyz"):
         for sign in (-1.0, 1.0):
             gravity = np.zeros(3)
             gravity[axis] = sign * size
             if not np.allclose(gravity, own, atol=1e-9 * size):
-                found[f"gravity along {'-' if sign < 0 else '+'}{name}"] = gravity.tolist()
-    return found
+                turned[f"gravity along {'-' if sign < 0 else '+'}{name}"] = gravity.tolist()
+    return turned

@@ -64,11 +64,11 @@ class RatedCycle:
 
     def means(self, drive: int) -> dict[str, Schedule]:
         """Return what counts for a drive's means, by name: each by itself must be borne."""
-        found = {"cycle": self.schedule} if self.cycles else {}
-        found["rating: hold"] = self.schedule.only(self.holds)
+        means = {"cycle": self.schedule} if self.cycles else {}
+        means["rating: hold"] = self.schedule.only(self.holds)
         if drive in self.moves:
-            found["rating: move"] = self.schedule.only((self.moves[drive],))
-        return found
+            means["rating: move"] = self.schedule.only((self.moves[drive],))
+        return means
 
     def top_speed(self, drive: int) -> float:
         """Return the speed that the rating asks of a joint, rad/s or m/s; 0 of others."""

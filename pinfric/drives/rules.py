@@ -143,8 +143,8 @@ def gear_life(
     if not (average_input_speed > 0 and average_torque > 0):
         return np.inf
     turns = nominal_life * rated_speed / average_input_speed
-    found = turns * float((rated_torque / average_torque) ** exponent)
-    return found / 5 if exponent == BALL else found
+    life = turns * float((rated_torque / average_torque) ** exponent)
+    return life / 5 if exponent == BALL else life
 
 
 def resonance(stiffness: float, inertia: float) -> float:

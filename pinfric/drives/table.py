@@ -165,11 +165,11 @@ def import_table(table: str | Path, mapping: str | Path | None = None) -> Import
     problems = []
     for line, row in rows:
         name = row[cells["name"].column]
-        entry, made, units, found = _entry(row, plan, wanted, mark)
+        entry, made, units, wrong = _entry(row, plan, wanted, mark)
         if not name or name in entries:
-            found.insert(0, "this name is given twice" if name else "no name")
-        if found or made is None:
-            problems.append(f"line {line} ({name or 'no name'}): {'; '.join(found)}")
+            wrong.insert(0, "this name is given twice" if name else "no name")
+        if wrong or made is None:
+            problems.append(f"line {line} ({name or 'no name'}): {'; '.join(wrong)}")
             continue
         content[name], entries[name] = entry, made
         first = first or _understood(row, cells, entry, units)
@@ -215,21 +215,21 @@ def _decimal_mark(path: Path, delimiter: str, texts: Iterable[str]) -> str:
     Of two kinds of mark in a number the last is decimal, one that is repeated is not; a single one
     is, unless it may as well separate thousands ("3,000"). Points are, where commas separate cells.
     """
-    found: dict[str, str] = {}
+    seen: dict[str, str] = {}
     for text in texts:
         if (match := _NUMBER.fullmatch(text)) is None:
             continue
         marks = re.findall("[.,]", match[1])
         if marks and (len(set(marks)) == 2 or not _THOUSANDS.fullmatch(match[1])):
-            found.setdefault(marks[-1], text)
+            seen.setdefault(marks[-1], text)
         elif len(marks) > 1:
-            found.setdefault("," if marks[0] == "." else ".", text)
-    if len(found) == 2:
+            seen.setdefault("," if marks[0] == "." else ".", text)
+    if len(seen) == 2:
         raise CatalogError(
-            f"{path}: {found[',']!r} has a decimal comma and {found['.']!r} a decimal point: give "
+            f"{path}: {seen[',']!r} has a decimal comma and {seen['.']!r} a decimal point: give "
             "one of them to all numbers"
         )
-    return next(iter(found), "." if delimiter == "," else "")
+    return next(iter(seen), "." if delimiter == "," else "")
 
 
 def _entry(
@@ -268,7 +268,7 @@ def _understood(
     row: dict[str, str], cells: dict[str, Cells], entry: dict[str, Any], units: dict[str, str]
 ) -> tuple[tuple[str, str, str, str, str], ...]:
     """See `ImportedTable.first`."""
-    found = []
+    understood = []
     for figure, given in cells.items():
         part, _, key = figure.rpartition(".")
         value = (entry.get(part, {}) if part else entry).get(key)
@@ -276,8 +276,10 @@ def _understood(
         cell, number = row[given.column], _NUMBER.fullmatch(row[given.column])
         if given.unit and (number is None or not number[2]):  # a cell's own unit goes before it
             cell = f"{cell} {given.unit}".strip()
-        found.append((given.column, figure, cell, shown, units.get(figure, "") if shown else ""))
-    return tuple(found)
+        understood.append(
+            (given.column, figure, cell, shown, units.get(figure, "") if shown else "")
+        )
+    return tuple(understood)
 
 
 def _figure(text: str, unit: str | None, wanted: str, mark: str) -> float:

@@ -117,18 +117,18 @@ def cells_of(entry: type[Entry]) -> dict[str, str]:
 
     A key of a part has a point ("thermal.winding_time"). "A or B": A where the output turns.
     """
-    found: dict[str, str] = {}
+    cells: dict[str, str] = {}
     for name, field in entry.model_fields.items():
         kinds = list(_kinds(field.annotation))
         for part in kinds:
             if isinstance(part, type) and issubclass(part, Entry):
                 inner = cells_of(part).items()
-                found |= {f"{name}.{key}": unit for key, unit in inner if "." not in key}
+                cells |= {f"{name}.{key}": unit for key, unit in inner if "." not in key}
         if float in kinds or str in kinds:
             extra = field.json_schema_extra
             unit = str(extra["unit"]) if isinstance(extra, dict) and float in kinds else ""
-            found[name] = _MEANT.get(unit, unit)
-    return found
+            cells[name] = _MEANT.get(unit, unit)
+    return cells
 
 
 def _kinds(annotation: Any) -> Iterator[Any]:
@@ -170,14 +170,14 @@ def _parsed(unit: str) -> tuple[float, _Dimensions] | None:
         if sign < 0 and (many := _MANY.match(part)) is not None:
             scale, at = scale / float(many[1]), many.end()
         while at < len(part):
-            if (found := _FACTOR.match(part, at)) is None:
+            if (match := _FACTOR.match(part, at)) is None:
                 return None
-            at = found.end()
-            symbols = _split(found[1]) if found[1] else ()
+            at = match.end()
+            symbols = _split(match[1]) if match[1] else ()
             if symbols is None:
                 return None
             for row, symbol in enumerate(symbols):
-                power = sign * (int(found[2] or 1) if row == len(symbols) - 1 else 1)
+                power = sign * (int(match[2] or 1) if row == len(symbols) - 1 else 1)
                 factor, of = _SYMBOLS[symbol]
                 scale *= factor**power
                 dimensions += power * np.array(of)
@@ -186,12 +186,12 @@ def _parsed(unit: str) -> tuple[float, _Dimensions] | None:
 
 def _split(word: str) -> tuple[str, ...] | None:
     """The symbols of a word, the longest first: as written, else in any case; None: no such."""
-    if (found := _chain(word, _SYMBOLS)) is not None:
-        return found
+    if (symbols := _chain(word, _SYMBOLS)) is not None:
+        return symbols
     if not (word.isupper() or word.istitle() or word.islower()):
         return None
-    found = _chain(word.lower(), _LOWER)
-    return None if found is None else tuple(_LOWER[symbol] for symbol in found)
+    symbols = _chain(word.lower(), _LOWER)
+    return None if symbols is None else tuple(_LOWER[symbol] for symbol in symbols)
 
 
 def _chain(word: str, known: Mapping[str, object]) -> tuple[str, ...] | None:
@@ -232,13 +232,13 @@ def in_si(value: float, unit: str, wanted: str) -> float:
 @lru_cache
 def _conversion(unit: str, wanted: str) -> tuple[float, bool]:
     """What one of a unit is in another, or what is one over it: a lead, a time per angle."""
-    found = _parsed(unit)
+    parsed = _parsed(unit)
     fitting = (wanted, *_PRINTED.get(wanted, ()))
-    if found is None:
+    if parsed is None:
         raise CatalogError(f"the unit {unit!r} is not known; {choose_from(unit, fitting)}")
     target = _parsed(wanted)
     assert target is not None  # of `cells_of`: tested
-    factor, dimensions = found[0] / target[0], found[1]
+    factor, dimensions = parsed[0] / target[0], parsed[1]
     apart = tuple(int(x) for x in np.subtract(target[1], dimensions))
     if not any(apart):
         turns_a_minute = target[1] == _TORQUE_CONSTANT and "min" in unit.lower()  # V/min-1
@@ -249,9 +249,9 @@ def _conversion(unit: str, wanted: str) -> tuple[float, bool]:
     if target[1] == _SPEED and apart == turns:
         return _TURN * factor, False
     if target[1] == _SPEED and dimensions == (0, 0, 1, 0, 0, -1, 0):
-        return found[0], True
+        return parsed[0], True
     if apart == turns and target[1] == _TORQUE_CONSTANT:
         return factor, False
     if target[1] == _PER_TRAVEL and dimensions in ((0, 1, 0, 0, 0, -1, 0), (0, 1, 0, 0, 0, 0, 0)):
-        return found[0] / (1.0 if dimensions[5] else _TURN), True
+        return parsed[0] / (1.0 if dimensions[5] else _TURN), True
     raise CatalogError(f"{unit} is not a unit of this value; take {', '.join(fitting)}")

@@ -48,9 +48,9 @@ class SwingingArm:
             return False
         if not whole:
             return True
-        found = self.slowest(masses, stiffness)
-        worst = int(found.argmax())
-        if found[worst] <= self.limit:
+        slowest = self.slowest(masses, stiffness)
+        worst = int(slowest.argmax())
+        if slowest[worst] <= self.limit:
             return True
         self.hard = [worst, *self.hard][:_POSES]
         return False

@@ -34,11 +34,11 @@ def unclosed(result: InverseResult, duty: Schedule) -> tuple[str, ...]:
     Args:
         result: of all cycles. duty: which samples are which cycle.
     """
-    found = []
+    gaps = []
     for name, part in duty.parts():
         where = f"{name}: " if len(duty.names) > 1 else ""
-        found += [where + gap for gap in _gaps(result.scene, result.states.part(part))]
-    return tuple(found)
+        gaps += [where + gap for gap in _gaps(result.scene, result.states.part(part))]
+    return tuple(gaps)
 
 
 def discontinuities(result: InverseResult, duty: Schedule) -> tuple[str, ...]:
@@ -56,7 +56,7 @@ def discontinuities(result: InverseResult, duty: Schedule) -> tuple[str, ...]:
 
 def _gaps(scene: Scene, states: States) -> list[str]:
     """What of one cycle does not end as it began."""
-    found = []
+    gaps = []
     away = pin.difference(scene.model, states.q[0], states.q[-1])
     some = states.q[:: len(states.q) // _LOOKED_AT + 1]
     ways = np.array([pin.difference(scene.model, states.q[0], q) for q in some])
@@ -68,18 +68,18 @@ def _gaps(scene: Scene, states: States) -> list[str]:
         gap = float(np.linalg.norm(away[part]))
         jump = float(np.linalg.norm(states.v[-1, part] - states.v[0, part]))
         if gap > max(_CLOSES * float(np.linalg.norm(ways[:, part], axis=1).max()), 1e-4):
-            found.append(f"{name} ends {gap:.3g} {unit} from where it began")
+            gaps.append(f"{name} ends {gap:.3g} {unit} from where it began")
         if jump > max(_CLOSES * float(speed.max()), scene.stick_velocity):
-            found.append(f"{name} ends with a velocity {jump:.3g} {unit}/s from that at its start")
+            gaps.append(f"{name} ends with a velocity {jump:.3g} {unit}/s from that at its start")
     resting = bool((np.abs(states.v[[0, -1]]) <= scene.stick_velocity).all())
-    if states.attached is not None and not (resting and not found):  # gripped there, at rest
+    if states.attached is not None and not (resting and not gaps):  # gripped there, at rest
         for name, first, last in zip(scene.payloads, *states.attached[[0, -1]], strict=True):
             if first != last:
-                found.append(
+                gaps.append(
                     f"{_PAYLOAD}{name} is carried at the {'start' if first else 'end'} only: "
                     f"{'attach' if first else 'detach'} it where the robot stands"
                 )
-    return found
+    return gaps
 
 
 def caveats(

@@ -421,35 +421,34 @@ def search_at(
 
 def cases(
     task: Task, i: int, masses: Mapping[int, float], demanded: Demanded
-) -> dict[str, JointCase]:
-    """Return a joint, with a rating once by each of its parts, and once by each mounting.
+) -> dict[tuple[str, str], JointCase]:
+    """Return a joint, with a rating once by each of its parts, and once by each mounting, by both.
 
     The one of largest RMS effort first. A brake holds the largest load of all mountings, where
     their motions differ in every pose.
 
     Args: as of `search_at`.
     """
-    found = {
-        " ".join(x for x in (name, mounting) if x): robot.case(i, masses, schedule)._replace(
-            **demanded.of_stops(i)
-        )
+    stops = demanded.of_stops(i)
+    of_joint = {
+        (part, mounting): robot.case(i, masses, schedule)._replace(**stops)
         for mounting, robot in task.robots.items()
-        for name, schedule in _means(robot, i).items()
+        for part, schedule in _means(robot, i).items()
     }
     if len(task.robots) > 1:
-        rests = [case.rest for case in found.values() if case.rest is not None]
+        rests = [case.rest for case in of_joint.values() if case.rest is not None]
         loads = [np.abs(rest.load) for rest in rests]
         alike = len({len(load) for load in loads}) == 1
         most = np.max(loads, axis=0) if alike else max(load.max() for load in loads)
         peak = max(rest.peak for rest in rests)
-        found = {
-            name: case._replace(
+        of_joint = {
+            key: case._replace(
                 rest=case.rest and case.rest._replace(load=most + 0.0 * case.rest.load, peak=peak)
             )
-            for name, case in found.items()
+            for key, case in of_joint.items()
         }
-    effort = {n: rms(c.cycle.stretched, c.cycle.ends[0]) for n, c in found.items()}
-    return {name: found[name] for name in sorted(found, key=lambda name: -effort[name])}
+    effort = {key: rms(c.cycle.stretched, c.cycle.ends[0]) for key, c in of_joint.items()}
+    return {key: of_joint[key] for key in sorted(of_joint, key=lambda key: -effort[key])}
 
 
 def _means(robot: DrivenRobot, i: int) -> dict[str, Schedule | None]:
@@ -468,9 +467,9 @@ def _ban(
     seen.append(dict(taken))
     if len(before) >= _PATIENCE and now in before[:-1]:
         for i in tip_to_base(task.scene):
-            found = [one.get(i) for one in seen[before.index(now) :]]
-            mass = {a.name: a.mass or 0.0 for a in found if a is not None}
-            if len(mass) + (None in found) > 1:
+            alternating = [one.get(i) for one in seen[before.index(now) :]]
+            mass = {a.name: a.mass or 0.0 for a in alternating if a is not None}
+            if len(mass) + (None in alternating) > 1:
                 banned = demanded.banned.get(i, frozenset()) | {min(mass, key=mass.__getitem__)}
                 return replace(demanded, banned={**demanded.banned, i: banned})
     return demanded
@@ -525,7 +524,7 @@ def _shared(
     task: Task, taken: Mapping[int, Assessment], searches: Mapping[int, DriveSearch]
 ) -> dict[int, Assessment]:
     """The lightest motor and gear of each group of `same_drive`, if one fits all its joints."""
-    found: dict[int, Assessment] = {}
+    shared: dict[int, Assessment] = {}
     for group in task.conditions.same_drive:
         own = [i for i in map(task.scene.actuator_names.index, group) if i in searches]
         if not own:
@@ -537,9 +536,9 @@ def _shared(
                 name for i in own for name in searches[i].parts.banned
             }
             if all(a.fits for a in judged.values()) and not banned:
-                found |= judged
+                shared |= judged
                 break
-    return found
+    return shared
 
 
 def contradiction(task: Task, taken: Mapping[int, Assessment]) -> str:

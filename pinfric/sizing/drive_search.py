@@ -76,12 +76,11 @@ class Assessment:
     """One drive at one joint with all its criteria.
 
     Attributes:
-        candidate: motor and gear. drives: as rows read it, without samples.
+        drives: the one drive as rows read it, without samples.
         lacks: figures of the policy that are not known: it cannot be signed.
         would: of a provisional drive, what these must be; else empty.
     """
 
-    candidate: Candidate
     drives: Drives
     lacks: tuple[str, ...] = ()
     would: tuple[str, ...] = ()
@@ -99,19 +98,24 @@ class Assessment:
     @cached_property
     def _margins(self) -> list[tuple[Limit, float]]:
         """Every row with its margin; NaN: not known, or not asked for."""
-        found = []
+        rows = []
         for limit in LIMITS:
             if limit.verdict is not None:
                 judged = limit.verdict(self.drives)
                 low = -1.0 if judged.fails else np.nan
-                found.append((limit, low))
+                rows.append((limit, low))
             elif limit.applies(self.drives):
-                found.append((limit, float(limit.margin(self.drives))))
-        return found
+                rows.append((limit, float(limit.margin(self.drives))))
+        return rows
+
+    @property
+    def candidate(self) -> Candidate:
+        """Motor and gear."""
+        return self.drives.candidate
 
     @property
     def name(self) -> str:
-        """Motor and gear."""
+        """Of motor and gear."""
         return self.candidate.name
 
     @property
@@ -156,8 +160,8 @@ class Assessment:
         )
         wanted |= {"back-driving"} if conditions.back_driving != "any" else set()
         names = {limit.name for limit, margin in self._margins if np.isnan(margin)} & wanted
-        found = (c for c in self.criteria if c.name in names) if names else ()
-        return tuple(c.lacks for c in found if c.unchecked)
+        lacking = (c for c in self.criteria if c.name in names) if names else ()
+        return tuple(c.lacks for c in lacking if c.unchecked)
 
     @cached_property
     def margin(self) -> float:
@@ -542,7 +546,7 @@ class DriveSearch:
         if needed is None:
             return [[None] for _ in group.brakes]
         known = known if len(known) else np.zeros(1)
-        stops, found = [self._stop(bare, J) for J in (known.min(), known.max())], []
+        stops, by_group = [self._stop(bare, J) for J in (known.min(), known.max())], []
         for brakes in group.brakes:
             options: list[Brake | None] = []
             for name, brake in brakes.items():
@@ -553,8 +557,8 @@ class DriveSearch:
                     break
             else:
                 options.append(None)
-            found.append(options)
-        return found
+            by_group.append(options)
+        return by_group
 
     def _stop(self, made: Candidate, inertia: float) -> Stop | None:
         """The hardest stop by a brake at a drive's shaft, where the load's inertia is known.
@@ -623,7 +627,7 @@ class DriveSearch:
 
     def _least_pull_out(self, group: _Group, ends: Sequence[tuple[np.ndarray, ...]]) -> np.ndarray:
         """(n, nm) bounds of the shares of pull-out torques that samples take; NaN: no stepper."""
-        found = np.full(ends[0][0].shape, np.nan)
+        shares = np.full(ends[0][0].shape, np.nan)
         bus, slow = self.case.conditions.bus_voltage, self.case.cycle.stick_velocity
         half, speed = (np.stack([np.abs(end[k][:, 0]) for end in ends]) for k in (1, 2))
         for m, motor in enumerate(group.motors):
@@ -634,8 +638,8 @@ class DriveSearch:
             most = np.where(speed <= 1e3 * slow, np.maximum(most, held), most)
             middle = np.stack([np.abs(end[0][:, m]) for end in ends])
             share = (middle + half) * (1 - 1e-9) / np.maximum(most, 1e-300)
-            found[:, m] = np.fmax.reduce(np.minimum(share, 1e9))
-        return found
+            shares[:, m] = np.fmax.reduce(np.minimum(share, 1e9))
+        return shares
 
     def _bounds(
         self, b: int, gears: np.ndarray
@@ -730,7 +734,7 @@ class DriveSearch:
                 name = smallest_brake(brakes, needed, self._stop(made, gear.rotor_inertia))
                 made = made if name is None else with_brake(made, name, brakes[name])
             motor = motor_cycle(made, self.case.cycle, self.case.conditions, ends)
-        return Assessment(made, read_drive(made, motor, self.case), missing)
+        return Assessment(read_drive(made, motor, self.case), missing)
 
     def lightest(self) -> Assessment | None:
         """Return the first drive that fits, by `rank`."""
@@ -738,24 +742,24 @@ class DriveSearch:
 
     def fitting(self, count: int) -> list[Assessment]:
         """Return the lightest drives that fit, by `rank`."""
-        found: list[Assessment] = []
+        fitting: list[Assessment] = []
         for mass, margin, b, g, m in self.offers():
-            if len(found) == count:
-                heaviest = found[-1].mass or 0.0
+            if len(fitting) == count:
+                heaviest = fitting[-1].mass or 0.0
                 if mass > heaviest * (1 + 1e-12):
                     break
-                printed = not found[-1].candidate.ratings.computed_curve
-                if mass >= heaviest and printed and margin < found[-1].margin - 1e-8:
+                printed = not fitting[-1].candidate.ratings.computed_curve
+                if mass >= heaviest and printed and margin < fitting[-1].margin - 1e-8:
                     continue  # of equal masses the greater margin comes first
             judged = self.judge(b, g, m)
             name, heavy = judged.name, judged.mass or 0.0
             if judged.fits and name not in self.parts.banned and heavy <= self.parts.most:
-                found = sorted([*found, judged], key=rank)[:count]
-        return found
+                fitting = sorted([*fitting, judged], key=rank)[:count]
+        return fitting
 
     def front(self) -> list[Assessment]:
         """Return the drives that fit for which no lighter one has as stiff a gear, by mass."""
-        found: list[Assessment] = []
+        front: list[Assessment] = []
         stiffest, alike = 0.0, list[Assessment]()
         offers = list(self.offers())
         for k, (mass, _, b, g, m) in enumerate(offers):
@@ -766,9 +770,9 @@ class DriveSearch:
                     alike.append(judged)
             last = k + 1 == len(offers) or offers[k + 1][0] > mass
             if last and alike:
-                found.append(min(alike, key=lambda a: (-stiffness_of(a), rank(a))))
-                stiffest, alike = stiffness_of(found[-1]), []
-        return found
+                front.append(min(alike, key=lambda a: (-stiffness_of(a), rank(a))))
+                stiffest, alike = stiffness_of(front[-1]), []
+        return front
 
     def all_of_few(self) -> list[Assessment]:
         """Return all drives of a small catalogue, also those that cannot be signed; else none."""
@@ -810,7 +814,7 @@ class DriveSearch:
         Each has a partner that lacks none, with which it fails by no bound and, where the masses
         are known, is lighter than `below` (kg), its brake included.
         """
-        found: dict[str, Ask] = {}
+        asks: dict[str, Ask] = {}
         for b, group in enumerate(self.arrays.groups):
             might_do = np.flatnonzero(self.gear_margins[b] >= 0)
             for gears, least, masses in self._bounds(b, np.setdiff1d(might_do, self._complete[b])):
@@ -821,7 +825,7 @@ class DriveSearch:
                     name, entry = group.names[gears[k]], group.entries[gears[k]]
                     mass = float(lightest[k]) if np.isfinite(lightest[k]) else None
                     figures, kind = self.gear_lacks(group, gears[k]), getattr(entry, "kind", "")
-                    found.setdefault(name, Ask(name, figures, mass, entry.source, kind))
+                    asks.setdefault(name, Ask(name, figures, mass, entry.source, kind))
             if group.at_output:
                 continue
             known, might = self._complete[b], np.zeros(len(group.motor_lacks), dtype=bool)
@@ -830,8 +834,8 @@ class DriveSearch:
             for m in np.flatnonzero(might).tolist():
                 if figures := group.motor_lacks[m]:
                     name = group.motor_names[m]
-                    found.setdefault(name, Ask(name, figures, None, group.motors[m].source))
-        return tuple(sorted(found.values(), key=lambda a: (len(a.figures), a.mass or 0.0, a.name)))
+                    asks.setdefault(name, Ask(name, figures, None, group.motors[m].source))
+        return tuple(sorted(asks.values(), key=lambda a: (len(a.figures), a.mass or 0.0, a.name)))
 
 
 def stiffness_of(assessment: Assessment) -> float:

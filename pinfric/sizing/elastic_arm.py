@@ -38,23 +38,25 @@ def check_tool(scene: Scene, conditions: Conditions) -> None:
 
 
 def arm_criteria(
-    scene: Scene, found: Elasticity | None, conditions: Conditions
+    scene: Scene, elastic: Elasticity | None, conditions: Conditions
 ) -> tuple[Criterion, ...]:
     """Return the criteria that the conditions ask for.
 
     Args:
-        scene: with the chosen drives. found: what its elastic gears do; None without any.
+        scene: with the chosen drives. elastic: what its elastic gears do; None without any.
     """
     unknown = [drive.name for drive in scene.drives if drive.spring is None]
     missing = f"stiffness of {', '.join(unknown)}" if unknown else ""
     criteria = []
     if conditions.lowest_frequency is not None:
-        known = found is not None and not unknown
+        known = elastic is not None and not unknown
         criteria.append(
             compare(
                 "lowest frequency",
                 conditions.lowest_frequency,
-                float(found.frequency[found.slowest]) if found is not None and known else None,
+                float(elastic.frequency[elastic.slowest])
+                if elastic is not None and known
+                else None,
                 "Hz",
                 "motors held, each gear with its tangent at the least torque it holds",
                 "pinfric: natural frequencies over the cycle",
@@ -62,7 +64,7 @@ def arm_criteria(
                 condition=stated(conditions, "lowest_frequency"),
             )
         )
-    tools = [rest.tool for rest in found.rests if rest.tool is not None] if found else []
+    tools = [rest.tool for rest in elastic.rests if rest.tool is not None] if elastic else []
     for key, (name, figure, formula) in _PLACES.items():
         allowed = getattr(conditions, key)
         if allowed is not None:
@@ -79,7 +81,7 @@ def arm_criteria(
 
 def reversal_criteria(
     scene: Scene,
-    found: Elasticity | None,
+    elastic: Elasticity | None,
     conditions: Conditions,
     backlash: Sequence[float | None],
 ) -> tuple[Criterion, ...]:
@@ -97,7 +99,7 @@ def reversal_criteria(
     for d, drive in enumerate(scene.drives):
         wound = [
             abs(float(rest.wind_up_approach[d] - rest.wind_up_opposite[d]))
-            for rest in (() if found is None else found.rests)
+            for rest in (() if elastic is None else elastic.rests)
             if rest.wind_up_approach is not None and rest.wind_up_opposite is not None
         ]
         own = None if drive.transmission is None else drive.transmission.hysteresis

@@ -45,9 +45,9 @@ def provisional(search: DriveSearch) -> Assessment | None:
     tried = sorted(_offers(search))[:_TRIED]
     for hot in (False, True):
         for _, _, b, g, m in tried:
-            found = _judged(search, b, g, m, hot)
-            if found is not None:
-                return found
+            judged = _judged(search, b, g, m, hot)
+            if judged is not None:
+                return judged
     return None
 
 
@@ -116,12 +116,12 @@ def _judged(search: DriveSearch, b: int, g: int, m: int, hot: bool) -> Assessmen
     def assess(inertia: float) -> Assessment:
         return search.assess(made(inertia), lacks)
 
-    def passes(found: Assessment) -> bool:
-        return all(c.name in (_HEAT if hot else ()) for c in found.failed)
+    def passes(assessment: Assessment) -> bool:
+        return all(c.name in (_HEAT if hot else ()) for c in assessment.failed)
 
-    found = assess(least * (1 + 1e-9))
-    heavy = (found.mass or 0.0) > search.parts.most
-    if found.name in search.parts.banned or heavy or not passes(found):
+    assessment = assess(least * (1 + 1e-9))
+    heavy = (assessment.mass or 0.0) > search.parts.most
+    if assessment.name in search.parts.banned or heavy or not passes(assessment):
         return None
     if inertial:
         low, high = least, max(least, 1e-9)
@@ -135,9 +135,9 @@ def _judged(search: DriveSearch, b: int, g: int, m: int, hot: bool) -> Assessmen
             low, high = (middle, high) if passes(assess(middle)) else (low, middle)
         range_ = f"{_up(least)} to {_down(low)}" if least else f"<= {_down(low)}"
         said.append(f"{next(iter({*lacks} & EXTRA_INERTIAS))} {range_} kg m^2")
-    said += _turned(found.drives, {*lacks})
-    said += [_hot(found)] if servo else []
-    return replace(found, would=tuple(said))
+    said += _turned(assessment.drives, {*lacks})
+    said += [_hot(assessment)] if servo else []
+    return replace(assessment, would=tuple(said))
 
 
 def _turned(d: Drives, lacks: set[str]) -> list[str]:
@@ -175,11 +175,11 @@ def _down(x: float) -> str:
     return f"{near if near <= x else near - 10.0 ** (np.floor(np.log10(x)) - 2):.3g}"
 
 
-def _hot(found: Assessment) -> str:
+def _hot(assessment: Assessment) -> str:
     """What the continuous torque of a hobby servo must be, and whether it has less."""
-    heat = next(c for c in found.criteria if c.name == "continuous torque")
+    heat = next(c for c in assessment.criteria if c.name == "continuous torque")
     need, has = heat.required or 0.0, heat.available or 0.0
-    hot = ", so it runs hot: needs pauses" * any(c.name in _HEAT for c in found.failed)
+    hot = ", so it runs hot: needs pauses" * any(c.name in _HEAT for c in assessment.failed)
     return (
         f"continuous torque >= {_up(need)} {heat.unit} (taken: {HOBBY:g} of its stall torque, "
         f"{has:.3g} {heat.unit}{hot})"

@@ -125,9 +125,9 @@ class JointSizing:
     @cached_property
     def alternatives(self) -> tuple[Assessment, ...]:
         """The lightest drives that fit, the choice left out."""
-        found = [] if self.search is None or self.choice is None else self.search.fitting(_ENOUGH)
+        fitting = [] if self.search is None or self.choice is None else self.search.fitting(_ENOUGH)
         mine = self.choice and self.choice.name
-        return tuple(a for a in found if a.name != mine)
+        return tuple(a for a in fitting if a.name != mine)
 
     @cached_property
     def next_smaller(self) -> Assessment | None:
@@ -153,11 +153,11 @@ class JointSizing:
         if self.search is None:
             return ()
         beside = (self.installed, *self.alternatives, self.next_smaller, *self.search.all_of_few())
-        found = {a.name: a for a in reversed(beside) if a is not None}
+        by_name = {a.name: a for a in reversed(beside) if a is not None}
         order = {a.name: k for k, a in enumerate((self.choice, *self.alternatives)) if a}
         return tuple(
             sorted(
-                found.values(),
+                by_name.values(),
                 key=lambda a: (
                     order.get(a.name, len(order)),
                     bool(a.lacks or a.unknown),
@@ -322,8 +322,7 @@ class SizingReport(Shown):
     def arm_criteria(self) -> tuple[Criterion, ...]:
         """Criteria of the whole robot: lowest frequency, position of the tool at rest."""
         asked = any(getattr(self.conditions, key) is not None for key in _OF_ROBOT)
-        found = self.elastic if asked else None
-        return arm_criteria(self.scene, found, self.conditions) if asked else ()
+        return arm_criteria(self.scene, self.elastic, self.conditions) if asked else ()
 
     @cached_property
     def reversals(self) -> tuple[Criterion, ...]:
@@ -565,15 +564,15 @@ def _stopped(task: Task, report: SizingReport) -> tuple[StopResult | None, str]:
 def _joint(task: Task, choice: Choice, i: int) -> JointSizing:
     """The joint with all chosen drives in the model."""
     masses, drive = task.added(choice.taken), choice.taken.get(i)
-    by_name = cases(task, i, masses, choice.demanded)
+    of_joint = cases(task, i, masses, choice.demanded)
     search = search_at(task, i, masses, choice.demanded)
     # other scenes have motions of their own, which the tables do not show
-    shown = {n: c for n, c in by_name.items() if _mounting(task, n) not in task.elsewhere}
+    shown = {key: c for key, c in of_joint.items() if key[1] not in task.elsewhere}
     same = {
         n: c for n, c in shown.items() if drive and c.cycle.duty == drive.drives.case.cycle.duty
     }
     decided, case = next(iter((same or shown).items()))
-    robot = task.robots[_mounting(task, decided)]
+    robot = task.robots[decided[1]]
     demand = replace(joint_demand(robot.result, i, case.cycle), speed=case.demand.speed)
     base = robot.base.result
     motor = None
@@ -590,21 +589,18 @@ def _joint(task: Task, choice: Choice, i: int) -> JointSizing:
         nothing_because="" if search and search.arrays.count else _no_candidates(task, i),
         unloaded=task.is_unloaded(i),
         search=search,
-        decided=decided,
-        mountings=_by_mounting(task, by_name),
+        decided=" ".join(words for words in decided if words),
+        mountings=_by_mounting(task, of_joint),
     )
 
 
-def _mounting(task: Task, name: str) -> str:
-    """The mounting of a case by its name; "": the scene's own."""
-    return next((words for words in task.robots if words and words in name), "")
-
-
-def _by_mounting(task: Task, by_name: Mapping[str, JointCase]) -> dict[str, tuple[float, float]]:
+def _by_mounting(
+    task: Task, of_joint: Mapping[tuple[str, str], JointCase]
+) -> dict[str, tuple[float, float]]:
     """RMS and peak effort of a joint in each mounting; empty: there is one."""
     largest: dict[str, tuple[float, float]] = {}
-    for name, case in by_name.items() if len(task.robots) > 1 else ():
-        words = _mounting(task, name) or file_name(task.scene.source)
+    for (_, mounting), case in of_joint.items() if len(task.robots) > 1 else ():
+        words = mounting or file_name(task.scene.source)
         before, worst = largest.get(words, (0.0, 0.0)), case.cycle.ends[0]
         now = rms(case.cycle.stretched, worst), float(np.abs(worst).max())
         largest[words] = max(before[0], now[0]), max(before[1], now[1])

@@ -322,24 +322,24 @@ def _rating_summary(report: SizingReport, rated: Rated) -> RatingSummary:
 
 def unchecked(report: SizingReport) -> tuple[Unchecked, ...]:
     """Return every criterion that was not checked, with what it lacks, and the joints."""
-    found: dict[tuple[str, str], list[str]] = {}
+    lacking: dict[tuple[str, str], list[str]] = {}
     for joint, criteria in zip(report.joints, report.criteria, strict=True):
         if joint.installed is None:
             because = joint.nothing_because or "no candidate can be judged"
             because = "something to move: it moves no mass" if joint.unloaded else because
-            found.setdefault(("all of its drive", because), []).append(joint.name)
+            lacking.setdefault(("all of its drive", because), []).append(joint.name)
             continue
         for c in criteria:
             if c.unchecked:
-                found.setdefault((c.name, c.lacks), []).append(joint.name)
+                lacking.setdefault((c.name, c.lacks), []).append(joint.name)
     for c in (*report.bus.criteria, *report.arm_criteria):
         if c.unchecked:
-            found.setdefault((c.name, c.lacks), [])
+            lacking.setdefault((c.name, c.lacks), [])
     if report.stops is None:
         lacks = report.no_stops or "a drive that fits for every joint"
         lacks = "the key stops of the scene" if report.given.stops is None else lacks
-        found["stopping times and distances", lacks] = []
-    return tuple(Unchecked(name, tuple(of), lacks) for (name, lacks), of in found.items())
+        lacking["stopping times and distances", lacks] = []
+    return tuple(Unchecked(name, tuple(of), lacks) for (name, lacks), of in lacking.items())
 
 
 def levers(report: SizingReport) -> np.ndarray:
@@ -354,19 +354,19 @@ def levers(report: SizingReport) -> np.ndarray:
 
 def to_ask(report: SizingReport) -> tuple[ToAsk, ...]:
     """Return the products that might do at some joint but lack figures, fewest figures first."""
-    found: dict[str, list[str]] = {}
+    joints: dict[str, list[str]] = {}
     asked = {}
     for joint in report.joints:
         for ask in joint.ask:
-            found.setdefault(ask.name, []).append(joint.name)
+            joints.setdefault(ask.name, []).append(joint.name)
             asked[ask.name] = ask
-    order = sorted(asked.values(), key=lambda a: (len(a.figures), -len(found[a.name]), a.name))
+    order = sorted(asked.values(), key=lambda a: (len(a.figures), -len(joints[a.name]), a.name))
 
     def missing(ask: Ask) -> str:
         asked = of_maker(ask.figures, ask.kind)
         return ", ".join([*asked, *[OWN_BEARING] * (len(asked) < len(ask.figures))])
 
-    return tuple(ToAsk(a.name, missing(a), a.mass, tuple(found[a.name]), a.source) for a in order)
+    return tuple(ToAsk(a.name, missing(a), a.mass, tuple(joints[a.name]), a.source) for a in order)
 
 
 def _sized_joint(report: SizingReport, k: int, lever: float) -> SizedJoint:
@@ -407,11 +407,11 @@ def _next_smaller(smaller: Assessment) -> NextSmaller:
     return NextSmaller(smaller.name, smaller.why, smaller.mass, "; ".join(parts))
 
 
-def margins(found: SizingSummary) -> list[CriterionMargins]:
+def margins(summary: SizingSummary) -> list[CriterionMargins]:
     """Return the criteria of all joints' drives, a row each: what moves first, what holds last."""
     columns = {
         joint.name: {c.name: c for c in joint.installed.criteria} if joint.installed else {}
-        for joint in found.joints
+        for joint in summary.joints
     }
     names = dict.fromkeys(name for column in columns.values() for name in column)
     last = ("inertia", "gear res", "back", "holding", "brake", "reversal")

@@ -198,10 +198,10 @@ def causes(report: SizingReport) -> tuple[str, ...]:
     catalog, conditions = report.catalog, report.conditions
     if catalog is None:
         return ()
-    found, pairs = [], tuple(zip(report.joints, report.criteria, strict=True))
+    reasons, pairs = [], tuple(zip(report.joints, report.criteria, strict=True))
     bare = [j.name for j, own in pairs for c in own if c.name == BRAKE and c.fails]
     if bare and not catalog.brakes:
-        found.append(
+        reasons.append(
             f"{catalog.source} has no brakes, and {', '.join(bare)} would not be held without "
             "power: add `brakes`, or `extends: default`"
         )
@@ -213,13 +213,13 @@ def causes(report: SizingReport) -> tuple[str, ...]:
         named = ", ".join(
             k + " gears" if k not in ("motor", "amplifier") else k + "s" for k in outer
         )
-        found.append(
+        reasons.append(
             f"conditions.ambient = {conditions.ambient:g} C: {named} lack "
             f"{outside(outer[0], conditions)[0]}, and none is signed: give the temperature at the "
             "drives"
         )
     weighs, possible = _weight(report.given)
-    return (*found, *[weighs] * (not possible))
+    return (*reasons, *[weighs] * (not possible))
 
 
 def _weight(scene: Scene) -> tuple[str, bool]:
@@ -239,7 +239,7 @@ def _weight(scene: Scene) -> tuple[str, bool]:
 
 def joint_criteria(report: SizingReport) -> tuple[tuple[Criterion, ...], ...]:
     """Return all criteria of each joint: of its drive, brake, reversal error, stop and place."""
-    found = []
+    by_joint = []
     stops = None if report.stops is None else report.stops.axes
     for k, joint in enumerate(report.joints):
         own = () if joint.installed is None else joint.installed.criteria
@@ -247,8 +247,8 @@ def joint_criteria(report: SizingReport) -> tuple[tuple[Criterion, ...], ...]:
         stop = () if stops is None else stops[k].criteria
         named = (replace(c, name=f"stop: {c.name}") for c in stop)
         rest = (*named, *_open_stop(report, k), *_shared(report, k))
-        found.append((*own, *still, *report.reversals[k : k + 1], *rest))
-    return tuple(found)
+        by_joint.append((*own, *still, *report.reversals[k : k + 1], *rest))
+    return tuple(by_joint)
 
 
 def _open_stop(report: SizingReport, k: int) -> list[Criterion]:
@@ -257,7 +257,7 @@ def _open_stop(report: SizingReport, k: int) -> list[Criterion]:
     if taken is None or k not in report.open_stops:
         return []
     bears = momentary_peak(taken)
-    found = compare(
+    judged = compare(
         _OPEN_STOP,
         report.open_stops[k],
         None if np.isnan(bears) else bears,
@@ -266,14 +266,14 @@ def _open_stop(report: SizingReport, k: int) -> list[Criterion]:
         "algebra (`stops.peaks`), all brakes closing at once",
         "momentary_peak_torque of the gear",
     )
-    fails = found.fails
-    return [replace(found, note=_DEMAND_STOPS) if fails else found]
+    fails = judged.fails
+    return [replace(judged, note=_DEMAND_STOPS) if fails else judged]
 
 
 def _shared(report: SizingReport, k: int) -> list[Criterion]:
     """Whether a joint has the drive of its group, where it is of one."""
     names, mine = [joint.name for joint in report.joints], report.joints[k].name
-    found = []
+    judged = []
     for group in report.conditions.same_drive:
         taken = [report.drives[names.index(name)] for name in group]
         if mine in group and report.catalog is not None:
@@ -281,8 +281,8 @@ def _shared(report: SizingReport, k: int) -> list[Criterion]:
             status, said = Status.PASSES if alike else Status.FAILS, f"by {', '.join(group)}"
             note = said if alike else f"no one drive fits {', '.join(group)}"
             rule = "one motor and gear for the group", "conditions.same_drive"
-            found.append(Criterion("same drive", status, None, None, "", None, *rule, note))
-    return found
+            judged.append(Criterion("same drive", status, None, None, "", None, *rule, note))
+    return judged
 
 
 def _of_joint(joint: JointSizing, criteria: tuple[Criterion, ...], doubted: bool) -> JointVerdict:
