@@ -16,6 +16,7 @@ import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -164,17 +165,13 @@ def stop_motion(
         q, v = rows[-1].q[-1], np.zeros_like(v)
     coasting = _without_power(machine, q, v)
     rows += _in_a_row(coasting, power_off)
-    t, q, v, rate, effort = (
-        np.concatenate([getattr(row, name) for row in rows])
-        for name in ("t", "q", "v", "rate", "effort")
-    )
+    t, q, v, rate, effort = map(np.concatenate, zip(*rows, strict=True))
     energy = np.sum([_brake_energy(motion) for motion in coasting], axis=0)
     parts = (*braked, *coasting)
     return StopMotion(machine.scene, t, q, v, rate, effort, power_off, energy, parts)
 
 
-@dataclass(frozen=True, eq=False)
-class _Rows:
+class _Rows(NamedTuple):
     t: np.ndarray
     q: np.ndarray
     v: np.ndarray
@@ -185,11 +182,11 @@ class _Rows:
         """Return the samples up to the first from which on all is at rest."""
         moves = np.flatnonzero(self.v.any(axis=1))
         n = min(int(moves[-1]) + 2 if moves.size else 1, len(self.t))
-        return _Rows(self.t[:n], self.q[:n], self.v[:n], self.rate[:n], self.effort[:n])
+        return _Rows(*(x[:n] for x in self))
 
     def held(self, time: float) -> _Rows:
         """Return the last sample, at rest, after so long a time (s)."""
-        return _Rows(self.t[-1:] + time, self.q[-1:], self.v[-1:], self.rate[-1:], self.effort[-1:])
+        return _Rows(self.t[-1:] + time, *(x[-1:] for x in self[1:]))
 
 
 def _in_a_row(parts: Sequence[Motion], begin: float) -> list[_Rows]:
