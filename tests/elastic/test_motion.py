@@ -3,7 +3,7 @@
 import numpy as np
 import pinocchio as pin
 import pytest
-from builders import chain, example, gantry, geared_arm, lump
+from builders import chain, dry, example, gantry, geared_arm, lump
 from mechanisms import shifted
 from numpy.testing import assert_allclose
 
@@ -22,10 +22,6 @@ LINES = {"k1": 3e3, "k2": 5e3, "k3": 6e3, "t1": 5.0, "t2": 20.0}
 
 def gear(stiffness: object, **more: object) -> dict:
     return {"ratio": 100.0, "rotor_inertia": 5e-5, "stiffness": stiffness, **more}
-
-
-def dry(limit: float) -> dict:
-    return {"coulomb": {"static": limit, "kinetic": limit}}
 
 
 def planar_arm(friction: dict | None = None, **more: object) -> pf.Scene:

@@ -14,7 +14,6 @@ from export_cases import (
     RICH,
     STRICT,
     assert_columns,
-    bundled,
     compiled,
     configurations,
     header,
@@ -154,10 +153,12 @@ def test_a_second_header_of_one_robot_compiles_and_says_so(tmp_path):
 
 @needs_compiler
 def test_the_program_holds_the_hashes_of_the_files(tmp_path):
-    (tmp_path / "use.cpp").write_text(included(tmp_path, bundled("so101")) + "int main() {}\n")
+    (tmp_path / "use.cpp").write_text(
+        included(tmp_path, pf.load_scene("so101")) + "int main() {}\n"
+    )
     compiled(tmp_path / "use.cpp", tmp_path / "use", "-O2")
     binary = (tmp_path / "use").read_bytes()
-    scene = bundled("so101")
+    scene = pf.load_scene("so101")
     for file in (scene.source, scene.robot.urdf):
         digest = subprocess.run(["sha256sum", file], capture_output=True, text=True, check=True)
         stated = f"{Path(file).name} sha256 {digest.stdout.split()[0]}"
@@ -175,7 +176,7 @@ def test_the_program_holds_the_hashes_of_the_files(tmp_path):
     ],
 )
 def test_what_is_easily_forgotten_does_not_compile(tmp_path, line, complaint):
-    scene = bundled("so101")
+    scene = pf.load_scene("so101")
     start = (
         f"{included(tmp_path, scene)}"
         "void use(Compensator& c, Options& options, State& state);\n"
@@ -264,7 +265,7 @@ def test_what_no_robot_has_is_refused(headers, place, wrong):
     """Degrees are seen where they are beyond what the joint's limits let."""
     if wrong == 90.0 and place in ("a", "error"):
         pytest.skip("an acceleration or an error of 90 may be")
-    scene = bundled("ur10_machine_tending")
+    scene = pf.load_scene("ur10_machine_tending")
     q, v, a = (0.3 * x for x in sampled(scene, 14, 3))
     given = {"q": q, "v": v, "a": a, "v_ref": v.copy(), "error": 0.0 * v, "v_now": 0.0 * v}
     given[place][1, 2] = wrong
@@ -302,7 +303,7 @@ def test_efforts_have_the_same_names_and_figures_in_both_languages():
 
 def test_joint_effort_is_the_motors_torque_seen_from_the_joint(headers):
     """Rigid body, rotors, friction: a controller that leaves out the rotors misses r^2 J a."""
-    scene = bundled("ur10_machine_tending")
+    scene = pf.load_scene("ur10_machine_tending")
     q, _, a = sampled(scene, 3)
     v = np.random.default_rng(3).choice([-1.0, 1.0], a.shape) * 0.5
     options = CompensationOptions(switch_velocity=1e-3)
@@ -373,7 +374,7 @@ def test_the_limit_of_joint_effort_covers_the_rigid_body(headers):
 
 def test_limits_of_joint_effort_are_the_robots():
     """Of a joint that states none: 1.5 times what the motion takes."""
-    scene = bundled("ur10_machine_tending")
+    scene = pf.load_scene("ur10_machine_tending")
     model = scene.model.copy()
     model.effortLimit[4] = np.inf
     scene = scene.with_(model=model)
@@ -392,7 +393,7 @@ def test_limits_of_joint_effort_are_the_robots():
 )
 def test_a_payload_in_millimetres_is_refused(headers, com, moment, taken):
     """140 in place of 0.14 m gives thousands of N m; a moment in kg mm^2 as many."""
-    scene = bundled("ur10_machine_tending")
+    scene = pf.load_scene("ur10_machine_tending")
     payload = (0, 2.8, [0.0, 0.0, com], [moment, 0.0, 0.0, moment, 0.0, moment])
     q, v, a = (0.3 * x for x in sampled(scene, 14, 1))
     found = headers.ask(scene, q, v, a, payloads=[payload])
@@ -526,7 +527,7 @@ def test_the_plug_in_of_the_guide_commands_what_the_motion_takes(tmp_path):
     for name, text in STAND_INS.items():
         (tmp_path / name).parent.mkdir(exist_ok=True)
         (tmp_path / name).write_text(text)
-    scene = bundled("ur10_machine_tending")
+    scene = pf.load_scene("ur10_machine_tending")
     made = pf.export(scene, to="cpp", frames=["tool0"], namespace="pinfric_ur10")
     made.write(tmp_path)
     q, v, a = [0.3, -1.2, 1.5, -0.4, 0.8, 0.1], [0.5] * 6, [3.0, -2.0, 4.0, 1.0, -5.0, 20.0]

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from export_cases import (
     assert_columns,
-    bundled,
     compiled,
     needs_compiler,
 )
@@ -20,7 +19,7 @@ from pinfric.exporting.controller import compensation
 @pytest.mark.slow
 @needs_compiler
 def test_the_written_test_agrees_replays_and_notices(tmp_path):
-    scene = bundled("ur10_machine_tending")
+    scene = pf.load_scene("ur10_machine_tending")
     motion = pf.load_trajectory("ur10_machine_tending", scene)
     made = pf.export(scene, motion, "cpp")
     made.write(tmp_path)
@@ -70,7 +69,7 @@ def test_the_written_test_agrees_replays_and_notices(tmp_path):
 
 
 def test_limits_are_above_what_the_motion_takes():
-    scene = bundled("panda_pick_and_place")
+    scene = pf.load_scene("panda_pick_and_place")
     motion = pf.load_trajectory("panda_pick_and_place.csv", scene)
     text = pf.export(scene, motion, "cpp").text
     limits = [float(x) for x in re.search(r"default_limit\[\] = \{(.*)\};", text)[1].split(",")]

@@ -17,7 +17,6 @@ from export_cases import (
     WHOLE,
     Headers,
     assert_columns,
-    bundled,
     configurations,
     header,
     loadable,
@@ -68,7 +67,7 @@ def test_it_is_inverse_dynamics(headers, scene):
 
 @pytest.mark.parametrize("name", BUNDLED)
 def test_it_is_inverse_dynamics_along_trajectories(headers, name):
-    scene = bundled(name)
+    scene = pf.load_scene(name)
     motion = pf.load_trajectory(f"{name}.csv" if "pick" in name else name, scene)
     q = motion.joint_positions()
     result = pf.inverse_dynamics(scene, motion.q, motion.v, motion.a)
@@ -81,7 +80,9 @@ def test_it_is_inverse_dynamics_along_trajectories(headers, name):
     assert (found["feed_forward"] <= upper + scale)[still].all()
 
 
-@pytest.mark.parametrize("scene", [*RICH, bundled(BUNDLED[0])], ids=lambda scene: scene.source)
+@pytest.mark.parametrize(
+    "scene", [*RICH, pf.load_scene(BUNDLED[0])], ids=lambda scene: scene.source
+)
 def test_feed_forward_outside_the_band_is_the_torque_that_the_motion_takes(headers, scene):
     q, _, a = sampled(scene, 3)
     rng = np.random.default_rng(3)
@@ -176,7 +177,12 @@ def judge_passive(headers, scene, options, states=40):
     return excess.max(), np.abs(found["friction"]).max(), (lost["friction"] * rate).min()
 
 
-PASSIVE = [worm(), *RICH[:6], bundled("ur10_machine_tending"), bundled("panda_pick_and_place")]
+PASSIVE = [
+    worm(),
+    *RICH[:6],
+    pf.load_scene("ur10_machine_tending"),
+    pf.load_scene("panda_pick_and_place"),
+]
 
 
 @pytest.mark.parametrize("scene", [*RICH, worm()], ids=lambda scene: scene.source)
@@ -444,5 +450,5 @@ def test_what_cannot_be_compensated_is_named(scene, message, frames):
 @needs_compiler
 @pytest.mark.skipif(not compensator_time.EIGEN.is_dir(), reason="no Eigen (extra bench)")
 def test_the_program_that_times_it_compiles(tmp_path):
-    scene = bundled("ur10_machine_tending")
+    scene = pf.load_scene("ur10_machine_tending")
     compensator_time.compiled(scene, tmp_path, ["-fsyntax-only"], compensator_time.EIGEN)

@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 import pinocchio as pin
 import pytest
-from builders import chain, example, random_states, random_tree
+from builders import chain, dry, example, random_states, random_tree
 from export_cases import moved
 from robot_cases import joint as urdf_joint
 from robot_cases import link, urdf
@@ -268,6 +268,6 @@ def test_springs_are_stiffness_in_joints_and_tendons_between_links(tmp_path):
         pf.export(scene, to="cpp")
     with pytest.raises(pf.PinfricError, match="mujoco_friction takes loads without springs"):
         pf.mujoco_friction(scene, mujoco.MjModel.from_xml_string(made.text))
-    rubs = {"slack": {"coulomb": {"static": 3.0, "kinetic": 3.0}}}
+    rubs = {"slack": dry(3.0)}
     with pytest.raises(pf.PinfricError, match=r"friction.slack is along a spring"):
         pf.export(scene.with_(friction=rubs))

@@ -265,11 +265,6 @@ def compiled(source, program, *flags):
     assert made.returncode == 0, made.stderr[:2000]
 
 
-def bundled(name):
-    scene = pf.load_scene(name)
-    return scene
-
-
 def assert_columns(found, expected, name, tolerance=1e-12):
     """Each column to within that part of its peak; a column that is 0 but for rounding to 1e-12."""
     peak = np.abs(expected).max(axis=0, initial=0.0)
@@ -317,5 +312,5 @@ def compiled_headers(optimized: str) -> Headers:
     """The headers of all scenes, compiled once per process."""
     folder = tempfile.TemporaryDirectory()
     atexit.register(folder.cleanup)
-    scenes = [worm(), *RICH, *(bundled(name) for name in BUNDLED), loadable()]
+    scenes = [worm(), *RICH, *map(pf.load_scene, BUNDLED), loadable()]
     return Headers(Path(folder.name), scenes, (optimized,))

@@ -4,15 +4,12 @@ import dataclasses
 
 import peers
 import pytest
+from accuracy_cases import of
 
 import pinfric as pf
 from pinfric.accuracy import study
 from pinfric.errors import PinfricError
 from pinfric.model.schema import Simulation
-
-
-def of(runs, method):
-    return [run for run in runs if run.method == method]
 
 
 def test_a_peer_that_is_not_there_is_one_line(monkeypatch):

@@ -3,7 +3,7 @@
 import numpy as np
 import pinocchio as pin
 import pytest
-from builders import block, plane_friction, sliding_block
+from builders import block, dry, plane_friction, sliding_block
 
 import pinfric as pf
 from pinfric.model.drives import motor_torque_bounds
@@ -57,7 +57,7 @@ def test_holding_needs_anything_from_lowering_to_lifting():
 
 
 def test_holding_adds_the_bearing_to_the_gear():
-    friction = {"slide": {"coulomb": {"static": 10.0, "kinetic": 5.0}}}
+    friction = {"slide": dry(10.0, 5.0)}
     lower, upper = motor(50.0, 0.0, friction=friction)
     assert lower == pytest.approx((40 * 0.7 - 2) / 100)
     assert upper == pytest.approx((60 / 0.8 + 2) / 100)

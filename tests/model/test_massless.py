@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 import pinocchio as pin
 import pytest
-from builders import chain, still
+from builders import chain, dry, still
 from cases import slider_crank
 from numpy.testing import assert_allclose
 from sizing_cases import GEAR, MOTOR, write_catalog
@@ -17,7 +17,7 @@ from pinfric.model.massless import massless_joints
 from pinfric.model.schema import Payload
 from pinfric.show.pages.sizing import sizing_page
 
-FRICTION = {"grip": {"coulomb": {"static": 0.3, "kinetic": 0.2}}}
+FRICTION = {"grip": dry(0.3, 0.2)}
 
 
 def point(place):
