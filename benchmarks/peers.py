@@ -21,8 +21,8 @@ import numpy as np
 from pinfric.accuracy.explain import with_constant_friction
 from pinfric.accuracy.study import (
     Contestant,
-    Run,
-    Track,
+    JudgedTrack,
+    TimedRun,
     compete,
     contestants,
     judge_of,
@@ -72,7 +72,9 @@ class _Robot:
     t_end: float
     effort: Callable[[float], np.ndarray]
 
-    def track(self, t: np.ndarray, angles: np.ndarray, rates: np.ndarray, steps: int) -> Track:
+    def track(
+        self, t: np.ndarray, angles: np.ndarray, rates: np.ndarray, steps: int
+    ) -> JudgedTrack:
         """Return a peer's motion as it is judged: t (T,) s, angles, rates (T, n)."""
         readings = tuple(
             tuple(
@@ -85,14 +87,14 @@ class _Robot:
         )
         nq = self.scene.model.nq
         if not np.isfinite(angles).all():
-            return Track(t, np.full((len(t), nq), np.nan), readings, steps)
+            return JudgedTrack(t, np.full((len(t), nq), np.nan), readings, steps)
         columns = [body.joint for body in self.bodies]
-        return Track(t, configurations(columns, angles, nq), readings, steps)
+        return JudgedTrack(t, configurations(columns, angles, nq), readings, steps)
 
 
 def compete_with_peers(
     scene: Scene, constants: Mapping[str, float], rounds: int = 3
-) -> tuple[tuple[Run, ...], list[str]]:
+) -> tuple[tuple[TimedRun, ...], list[str]]:
     """Simulate a scene's motion with constant friction, by pinfric and by the peers installed.
 
     Args:
@@ -173,7 +175,7 @@ def _mujoco_contestant(robot: _Robot, name: str, steps: int) -> Contestant:
         )
         return np.asarray(states)[0]
 
-    def judged() -> Track:
+    def judged() -> JudgedTrack:
         try:
             states = np.vstack([start, bare()])
         except ValueError as problem:
@@ -230,7 +232,7 @@ def _drake_contestant(robot: _Robot, velocity: float) -> Contestant:
             raise PinfricError(f"Drake: {str(problem)[:150]}") from None
         return simulator
 
-    def judged() -> Track:
+    def judged() -> JudgedTrack:
         simulator, plant = ready()
         rows: list[np.ndarray] = []
 

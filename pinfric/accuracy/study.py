@@ -39,7 +39,7 @@ _NAN = float("nan")
 
 
 @described
-class Run:
+class TimedRun:
     """One method with one setting: its errors, and what it took."""
 
     method: str = quantity(
@@ -83,7 +83,7 @@ class Accuracy(Shown):
         return screen("Accuracy", file_name(self.scene.source), more)
 
     scene: Scene
-    runs: tuple[Run, ...] = quantity("simulations")
+    runs: tuple[TimedRun, ...] = quantity("simulations")
 
 
 def accuracy(scene: Scene, *, rounds: int = 3) -> Accuracy:
@@ -107,7 +107,7 @@ def accuracy(scene: Scene, *, rounds: int = 3) -> Accuracy:
 
 
 @dataclass(frozen=True, eq=False)
-class Track:
+class JudgedTrack:
     """A contestant's motion as it is judged.
 
     Attributes:
@@ -130,7 +130,7 @@ class Contestant:
     """One method with one setting.
 
     Attributes:
-        method, setting: see `Run`.
+        method, setting: see `TimedRun`.
         bare: computes the motion with no sample but the end; this is timed.
         judged: computes it with samples.
     """
@@ -138,7 +138,7 @@ class Contestant:
     method: str
     setting: str
     bare: Callable[[], object]
-    judged: Callable[[], Track]
+    judged: Callable[[], JudgedTrack]
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,7 +150,7 @@ class Judge:
     at: Callable[[np.ndarray], np.ndarray]
     sticks: tuple[StickInterval, ...]
 
-    def errors(self, track: Track) -> np.ndarray:
+    def errors(self, track: JudgedTrack) -> np.ndarray:
         """Return the largest error of any coordinate (rad or m) at each sample compared, (n,)."""
         stride = max(1, len(track.t) // _COMPARED)
         chosen = np.unique(np.append(np.arange(0, len(track.t), stride), len(track.t) - 1))
@@ -158,7 +158,7 @@ class Judge:
         pairs = zip(true, track.q[chosen], strict=True)
         return np.array([np.abs(pin.difference(model, one, other)).max() for one, other in pairs])
 
-    def stick_errors(self, track: Track) -> list[float]:
+    def stick_errors(self, track: JudgedTrack) -> list[float]:
         """Return the larger error of both ends of each true interval (s), NaN where missed."""
 
         def error(true: StickInterval, found: Sequence[StickInterval]) -> float:
@@ -235,7 +235,7 @@ def _own(scene: Scene, method: str, setting: str, options: Mapping[str, float]) 
     def bare() -> Motion:
         return simulate_whole(scene, method=method, sample_step=t_end, **options)
 
-    def judged() -> Track:
+    def judged() -> JudgedTrack:
         # the samples cost evaluations, too; those of the method are counted without them
         start = time.perf_counter()
         motion = bare()
@@ -244,12 +244,12 @@ def _own(scene: Scene, method: str, setting: str, options: Mapping[str, float]) 
             motion = motion.sample(np.linspace(0.0, motion.t[-1], samples + 1))
         else:
             motion = simulate_whole(scene, method=method, sample_step=t_end / samples, **options)
-        return Track(motion.t, motion.q, (motion.stick_intervals(),), count, seconds)
+        return JudgedTrack(motion.t, motion.q, (motion.stick_intervals(),), count, seconds)
 
     return Contestant(method, setting, bare, judged)
 
 
-def compete(entries: Sequence[Contestant], judge: Judge, rounds: int = 3) -> tuple[Run, ...]:
+def compete(entries: Sequence[Contestant], judge: Judge, rounds: int = 3) -> tuple[TimedRun, ...]:
     """Judge and time contestants; one that fails is a row with its reason.
 
     Args:
@@ -257,7 +257,7 @@ def compete(entries: Sequence[Contestant], judge: Judge, rounds: int = 3) -> tup
         judge: gives the errors.
         rounds: timings of each, all of them in every round; what takes seconds is timed once.
     """
-    runs: list[Run] = []
+    runs: list[TimedRun] = []
     quick: dict[int, Callable[[], object]] = {}
     slow: dict[int, Callable[[], object]] = {}
     for i, entry in enumerate(entries):
@@ -276,17 +276,17 @@ def compete(entries: Sequence[Contestant], judge: Judge, rounds: int = 3) -> tup
     )
 
 
-def _judged(entry: Contestant, judge: Judge) -> Run:
+def _judged(entry: Contestant, judge: Judge) -> TimedRun:
     try:
         with np.errstate(over="ignore", invalid="ignore"):  # a coarse step may well explode
             track = entry.judged()
     except PinfricError as problem:
-        return Run(entry.method, entry.setting, problem=" ".join(str(problem).split()))
+        return TimedRun(entry.method, entry.setting, problem=" ".join(str(problem).split()))
     if not np.isfinite(track.q).all():
-        return Run(entry.method, entry.setting, problem="diverges: q is not finite")
+        return TimedRun(entry.method, entry.setting, problem="diverges: q is not finite")
     errors = judge.errors(track)
     ends = judge.stick_errors(track)
-    return Run(
+    return TimedRun(
         method=entry.method,
         setting=entry.setting,
         error=float(errors.max()),

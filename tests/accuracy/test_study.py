@@ -12,7 +12,7 @@ from pinfric.accuracy.study import (
     Accuracy,
     Contestant,
     Judge,
-    Track,
+    JudgedTrack,
     accuracy,
     compete,
     contestants,
@@ -42,8 +42,8 @@ def test_a_failure_is_a_row():
     still = np.zeros((3, 1))
     scene = sliding_block()
     judge = Judge("still", scene, lambda t: np.zeros((len(t), 1)), ())
-    sound = Track(np.arange(3.0), still, ((),), 7)
-    lost = Track(np.arange(3.0), np.full((3, 1), np.nan), ((),), 7)
+    sound = JudgedTrack(np.arange(3.0), still, ((),), 7)
+    lost = JudgedTrack(np.arange(3.0), np.full((3, 1), np.nan), ((),), 7)
     runs = compete(
         [
             Contestant("a", "1", fails, fails),
@@ -139,10 +139,12 @@ def test_errors_of_stick_ends_by_hand():
     judge = Judge("hand", sliding_block(), lambda t: t, true)
     nothing = np.zeros(0)
     short = (StickInterval("a", 0.9, 1.1), StickInterval("a", 1.2, 2.3), StickInterval("b", 3, 4))
-    assert judge.stick_errors(Track(nothing, nothing, (short,), 0)) == pytest.approx([0.3, 0.0])
+    assert judge.stick_errors(JudgedTrack(nothing, nothing, (short,), 0)) == pytest.approx(
+        [0.3, 0.0]
+    )
     missing = (StickInterval("a", 1.0, 2.5), StickInterval("b", 5.0, 6.0))
-    errors = judge.stick_errors(Track(nothing, nothing, (missing,), 0))
+    errors = judge.stick_errors(JudgedTrack(nothing, nothing, (missing,), 0))
     assert errors[0] == pytest.approx(0.5)
     assert np.isnan(errors[1])
-    best = judge.stick_errors(Track(nothing, nothing, (missing, short), 0))
+    best = judge.stick_errors(JudgedTrack(nothing, nothing, (missing, short), 0))
     assert best == pytest.approx([0.3, 0.0])

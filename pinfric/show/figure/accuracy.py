@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pinfric.accuracy.study import Accuracy, Run
+from pinfric.accuracy.study import Accuracy, TimedRun
 from pinfric.show.figure.panel import key_below, sheet
 from pinfric.show.figure.style import BLUE, GREEN, GRID, INK, QUIET, RED, style
 
@@ -41,7 +41,7 @@ def accuracy_figure(accuracy: Accuracy) -> Figure:
     return figure
 
 
-def _draw(axes: Axes, runs: Sequence[Run], quantity: str) -> list[str]:
+def _draw(axes: Axes, runs: Sequence[TimedRun], quantity: str) -> list[str]:
     """Error against time, a line per method; says which methods have no such error, how often."""
     from matplotlib.ticker import LogLocator
 

@@ -6,7 +6,7 @@ from functools import partial
 from itertools import pairwise
 from pathlib import Path
 
-from pinfric.accuracy.study import Accuracy, Run
+from pinfric.accuracy.study import Accuracy, TimedRun
 from pinfric.model.described import quantities
 from pinfric.show.report.rows import cell, table_of
 from pinfric.show.report.tables import Report, paragraphs
@@ -19,9 +19,9 @@ def accuracy_report(accuracy: Accuracy) -> Report:
 
     A row a run; one that failed has no figures: a column is too narrow for reasons.
     """
-    own = quantities(Run)
+    own = quantities(TimedRun)
 
-    def shown(name: str, run: Run) -> str:
+    def shown(name: str, run: TimedRun) -> str:
         if run.problem:
             return "fails" if name == "error" else ""
         if name == "stick_error" and run.missed:
