@@ -264,15 +264,15 @@ class Choice:
     settled: bool = True
     open_stops: Mapping[int, float] = field(default_factory=dict)
 
+    def fitting(self, i: int) -> Assessment | None:
+        """Return a joint's drive, if it fits."""
+        taken = self.taken.get(i)
+        return taken if taken is not None and taken.fits else None
+
     @property
     def mass(self) -> float:
         """Of all drives, as far as it is known, kg."""
         return sum(a.mass or 0.0 for a in self.taken.values())
-
-    @property
-    def names(self) -> dict[int, str]:
-        """Of the drives."""
-        return _names(self.taken)
 
 
 def _names(taken: Mapping[int, Assessment]) -> dict[int, str]:
@@ -304,7 +304,7 @@ def bearing_stops(task: Task, demanded: Demanded | None = None) -> Choice:
         peaks = {i: max(factor * float(most[i]), before.least.get(i, 0.0)) for i in taken}
         if task.rating is not None and not task.rating.cycles and scene.stops is None:
             return replace(choice, open_stops=peaks)
-        if choice.names in seen:
+        if _names(choice.taken) in seen:
             peaks |= {i: max(x, peaks[i]) for i, x in before.efforts.items() if i in peaks}
         note = f"{factor:g} x " * (factor > 1.0) + "the peak in stops of all joints"
         after = replace(before, efforts=peaks, note=note)
@@ -312,7 +312,7 @@ def bearing_stops(task: Task, demanded: Demanded | None = None) -> Choice:
             stopped = {i: a.where(**after.of_stops(i)) for i, a in taken.items()}
             return replace(choice, taken=stopped, demanded=after)  # it stays the lightest
         # 2. The choice that bears it
-        seen.append(choice.names)
+        seen.append(_names(choice.taken))
         braked = {
             i: tuple(drive_cycle(x, i, np.zeros(len(x.effort_lower), dtype=bool)) for x in powered)
             for i in taken
@@ -320,7 +320,7 @@ def bearing_stops(task: Task, demanded: Demanded | None = None) -> Choice:
         task.progress("gears that bear the stops of all joints together")
         again = choose(task, replace(after, braking=braked))
         choice = replace(again, passes=choice.passes + again.passes)
-        if choice.names == seen[-1]:
+        if _names(choice.taken) == seen[-1]:
             break
     return choice
 
@@ -433,7 +433,9 @@ def cases(
     of_joint = {
         (part, mounting): robot.case(i, masses, schedule)._replace(**stops)
         for mounting, robot in task.robots.items()
-        for part, schedule in _means(robot, i).items()
+        for part, schedule in (
+            {"": None} if robot.rating is None else robot.rating.means(i)
+        ).items()
     }
     if len(task.robots) > 1:
         rests = [case.rest for case in of_joint.values() if case.rest is not None]
@@ -449,11 +451,6 @@ def cases(
         }
     effort = {key: rms(c.cycle.stretched, c.cycle.ends[0]) for key, c in of_joint.items()}
     return {key: of_joint[key] for key in sorted(of_joint, key=lambda key: -effort[key])}
-
-
-def _means(robot: DrivenRobot, i: int) -> dict[str, Schedule | None]:
-    """What a joint's means are taken over: its cycle, with a rating each part of it."""
-    return {"": None} if robot.rating is None else dict(robot.rating.means(i))
 
 
 def _ban(

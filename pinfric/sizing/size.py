@@ -445,11 +445,8 @@ def size(
                 "cycle": bearing_stops(task_of(scene, trajectory, catalog, wanted, tell)),
                 "rating": bearing_stops(task_of(scene, None, catalog, wanted, tell, rated)),
             }
-        fit = {
-            name: {i: a for i, a in alone.taken.items() if a.fits} for name, alone in apart.items()
-        }
         joints = (
-            replace(joint, alone={name: drives.get(i) for name, drives in fit.items()})
+            replace(joint, alone={name: choice.fitting(i) for name, choice in apart.items()})
             for i, joint in enumerate(report.joints)
         )
         report = replace(report, joints=tuple(joints))

@@ -83,55 +83,6 @@ def sizing_page(report: SizingReport, command: str = "", inputs: Iterable[str | 
         CriterionMargins(row.criterion, {short[name]: c for name, c in row.joints.items()})
         for row in margins(summary)
     ]
-    head = {
-        "scene": Path(report.given.source).stem,
-        "trajectory": Path(report.trajectory).name,
-        "cycle": report.period,
-        "repetition": repetition(report),
-        "samples": len(report.result.status),
-        "verdict": "" if report.catalog is None else verdict(report),
-        "passes": passes(report),
-        "failing": [f"{', '.join(of)}: {text}" for text, of in failing.items()],
-        "remarks": [*rating_lines(summary), *friction_line(report), *summary.verdict.remarks],
-        "choices": None if report.catalog is None else choice_table(summary, _CELLS),
-        "products": product_lines(summary),
-        "conditions_line": _demanded(report),
-        "command": command,
-    }
-    drives = {
-        "rating": rating_table(summary),
-        "demand": demand_table(report),
-        "power": power_table(report),
-        "matrix": table_of(
-            "Margins: the part of each limit that is left",
-            matrix,
-            cells={f"joints[{name}]": partial(_cell, name) for name in short.values()},
-        ),
-        "smaller": smaller_table(summary),
-        "views": [
-            _joint_view(joint, report, summary.joints[k], k) | {"remarks": own[k]}
-            for k, joint in enumerate(report.joints)
-        ],
-        "remarks_of_all": shared,
-    }
-    together = {
-        "turn": turn(report),
-        "bus_picture": report.catalog and svg(power_over_time(report), "Power from the bus"),
-        "bus_figures": bus_table(report),
-        "bus": bus_lines(report),
-        "brakes": brake_table(summary),
-        "stop_lines": stop_lines(summary),
-        "stops": None if summary.stops is None else axes_table(summary.stops, ""),
-        "elastic": elastic_lines(report),
-    }
-    behind = {
-        "unchecked": unchecked_table(summary, title=""),
-        "all_conditions": _conditions(report.conditions),
-        "rules": _rules(summary, short),
-        "sources": [f"{', '.join(of)}: {text}" for text, of in documents.items()],
-        "provisional": provisional_table(summary),
-        "ask": ask_table(summary, _ASKED),
-    }
     return page(
         "sizing",
         report.scene.actuator_names,
@@ -140,10 +91,51 @@ def sizing_page(report: SizingReport, command: str = "", inputs: Iterable[str | 
         report=report,
         summary=summary,
         Status=Status,
-        **head,
-        **drives,
-        **together,
-        **behind,
+        # The head
+        scene=Path(report.given.source).stem,
+        trajectory=Path(report.trajectory).name,
+        cycle=report.period,
+        repetition=repetition(report),
+        samples=len(report.result.status),
+        verdict="" if report.catalog is None else verdict(report),
+        passes=passes(report),
+        failing=[f"{', '.join(of)}: {text}" for text, of in failing.items()],
+        remarks=[*rating_lines(summary), *friction_line(report), *summary.verdict.remarks],
+        choices=None if report.catalog is None else choice_table(summary, _CELLS),
+        products=product_lines(summary),
+        conditions_line=_demanded(report),
+        command=command,
+        # The drives
+        rating=rating_table(summary),
+        demand=demand_table(report),
+        power=power_table(report),
+        matrix=table_of(
+            "Margins: the part of each limit that is left",
+            matrix,
+            cells={f"joints[{name}]": partial(_cell, name) for name in short.values()},
+        ),
+        smaller=smaller_table(summary),
+        views=[
+            _joint_view(joint, report, summary.joints[k], k) | {"remarks": own[k]}
+            for k, joint in enumerate(report.joints)
+        ],
+        remarks_of_all=shared,
+        # All together
+        turn=turn(report),
+        bus_picture=report.catalog and svg(power_over_time(report), "Power from the bus"),
+        bus_figures=bus_table(report),
+        bus=bus_lines(report),
+        brakes=brake_table(summary),
+        stop_lines=stop_lines(summary),
+        stops=None if summary.stops is None else axes_table(summary.stops, ""),
+        elastic=elastic_lines(report),
+        # What stands behind it
+        unchecked=unchecked_table(summary, title=""),
+        all_conditions=_conditions(report.conditions),
+        rules=_rules(summary, short),
+        sources=[f"{', '.join(of)}: {text}" for text, of in documents.items()],
+        provisional=provisional_table(summary),
+        ask=ask_table(summary, _ASKED),
     )
 
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, is_dataclass, replace
+from dataclasses import is_dataclass
 from enum import Enum, IntEnum
 from string import Formatter
-from typing import Any
+from typing import Any, NamedTuple
 
 from pinfric.model.described import EFFORT, Quantity, quantities, unit_of
 from pinfric.show.report.tables import Column, ColumnKind, Table
@@ -58,7 +58,7 @@ def table_of(
     units = [column.unit for column in shown if column.kind is ColumnKind.NUMBER]
     if title and len(units) > 1 and len(set(units)) == 1 and (of_all := units[0]):
         title = f"{title}, {of_all}"
-        shown = [replace(c, unit="" if c.unit == of_all else c.unit) for c in shown]
+        shown = [c._replace(unit="" if c.unit == of_all else c.unit) for c in shown]
     columns = [Column(heading(c.heading, c.unit), c.kind) for c in shown]
     by_unit = len(columns) > 1 and columns[1].heading.endswith("unit")
     keys = layout.pop("keys", 2 if by_unit else 1)
@@ -66,8 +66,7 @@ def table_of(
     return Table(title, columns, texts, keys=keys, **layout)
 
 
-@dataclass(frozen=True)
-class _Shown:
+class _Shown(NamedTuple):
     """A column: heading and unit, how it behaves, a text of each row."""
 
     heading: str
