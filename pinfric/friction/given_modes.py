@@ -32,9 +32,6 @@ from pinfric.friction.gears import (
     write_rows_within,
 )
 from pinfric.friction.law import (
-    add_load_slopes,
-    contact_force,
-    contact_terms,
     evaluate,
     limit_width,
     slip_law,
@@ -55,7 +52,7 @@ _NEWTON_PASSES, _FIXED_POINT_PASSES = 60, 5000
 #: Two solutions closer than this, relative to their size, are one; a z with a larger error is none
 #: that rounding lets us know.
 _DISTINCT = 1e-6
-#: So far below a contraction of 1 a small residual proves a small error: |rest| / (1 - it).
+#: So far below a contraction of 1 a small residual proves a small error: |residual| / (1 - it).
 _CERTAIN = 1e-6
 #: Room for the solutions of given modes; a four-bar's four pins can have three.
 MOST_SOLUTIONS = 8
@@ -152,39 +149,45 @@ def _reduce_contacts(
 
 
 @kernel
-def residual(
-    reduced: Reduced, z: np.ndarray, rest: np.ndarray, size: np.ndarray, p: np.ndarray
+def write_residual(
+    reduced: Reduced,
+    z: np.ndarray,
+    residual: np.ndarray,
+    J: np.ndarray,
+    length: np.ndarray,
 ) -> float:
-    """Write z - (offset + gain load(z)) and return the largest, relative to its terms.
+    """Write z - offset - gain |p(z)| (nz,), its Jacobian (nz, nz) and the |p| (n,).
 
-    Args:
-        z: (nz,).
-        rest, size: (nz,), overwritten: the residual, and the size of the terms it is the sum of.
-        p: (3,), overwritten: a contact force.
+    Returns:
+        The largest, relative to the terms it is the sum of.
     """
     _, _, offset, place, gain, contact = reduced
-    worst = 0.0
-    for k in range(z.size):
-        rest[k], size[k] = z[k] - offset[k], abs(z[k]) + abs(offset[k])
-    for t in range(gain.size):
-        rest[place[t]] -= gain[t] * contact_force(contact, t, z, p)
-        size[place[t]] += abs(gain[t]) * contact_terms(contact, t, z)
-    for k in range(z.size):
-        if not abs(rest[k]) <= 1e300:
-            return np.inf
-        if rest[k] != 0.0:
-            worst = max(worst, abs(rest[k]) / size[k])
-    return worst
-
-
-@kernel
-def residual_slope(reduced: Reduced, z: np.ndarray, J: np.ndarray) -> None:
-    """Write the Jacobian (nz, nz) of `residual`."""
+    size, worst = np.empty(z.size), 0.0
     J[:] = 0.0
-    add_load_slopes(reduced.contact, reduced.place, reduced.gain, z, J)
     for k in range(z.size):
+        J[k, k], residual[k], size[k] = 1.0, z[k] - offset[k], abs(z[k]) + abs(offset[k])
+    for t in range(gain.size):
+        p, q, r = contact[t, 0, 0], contact[t, 0, 1], contact[t, 0, 2]
+        terms = abs(p) + abs(q) + abs(r)
         for j in range(z.size):
-            J[k, j] = (1.0 if j == k else 0.0) - J[k, j]
+            u, v, w = contact[t, 1 + j, 0], contact[t, 1 + j, 1], contact[t, 1 + j, 2]
+            p, q, r = p + u * z[j], q + v * z[j], r + w * z[j]
+            terms += (abs(u) + abs(v) + abs(w)) * abs(z[j])
+        k, length[t] = place[t], np.sqrt(p * p + q * q + r * r)
+        if gain[t] == 0.0:
+            continue
+        residual[k] -= gain[t] * length[t]
+        size[k] += abs(gain[t]) * terms
+        for j in range(z.size if length[t] > 0.0 else 0):
+            along = p * contact[t, 1 + j, 0] + q * contact[t, 1 + j, 1]
+            along += r * contact[t, 1 + j, 2]
+            J[k, j] -= gain[t] * along / length[t]
+    for k in range(z.size):
+        if not abs(residual[k]) < 1e300:
+            return np.inf
+        if residual[k] != 0.0:
+            worst = max(worst, abs(residual[k]) / size[k])
+    return worst
 
 
 @kernel
@@ -199,30 +202,29 @@ def newton(reduced: Reduced, z: np.ndarray, fast: bool) -> tuple[float, int]:
         (the relative residual reached, passes).
     """
     nz = z.size
-    rest, size, p = np.empty(nz), np.empty(nz), np.empty(3)
+    residual, J, length = np.empty(nz), np.empty((nz, nz)), np.empty(reduced.gain.size)
     tolerance = RESIDUAL * (8 + nz)
-    error = residual(reduced, z, rest, size, p)
+    error = write_residual(reduced, z, residual, J, length)
     if error <= tolerance:
         return error, 0
-    trial_rest, trial = np.empty(nz), np.empty(nz)
-    J, step = np.empty((nz, nz)), np.empty((nz, 1))
+    trial_residual, trial, step = np.empty(nz), np.empty(nz), np.empty((nz, 1))
     # steps are judged by the residual itself: relative to its terms it is no smaller far out
-    most = largest(rest)
+    most = largest(residual)
     for passes in range(_NEWTON_PASSES):
         if error <= tolerance or not error < np.inf:
             return error, passes
-        for k in range(nz):
-            step[k, 0] = rest[k]
         if not fast:
-            residual_slope(reduced, z, J)
-            if not solve_dense(J, step):
-                return error, passes
+            write_residual(reduced, z, residual, J, length)
+        for k in range(nz):
+            step[k, 0] = residual[k]
+        if not fast and not solve_dense(J, step):
+            return error, passes
         damping, new, trial_most = 1.0, np.inf, np.inf
         for _ in range(30):
             for k in range(nz):
                 trial[k] = z[k] - damping * step[k, 0]
-            new = residual(reduced, trial, trial_rest, size, p)
-            trial_most = largest(trial_rest)
+            new = write_residual(reduced, trial, trial_residual, J, length)
+            trial_most = largest(trial_residual)
             if fast or trial_most < most or new <= tolerance:
                 break
             damping *= 0.5
@@ -234,7 +236,7 @@ def newton(reduced: Reduced, z: np.ndarray, fast: bool) -> tuple[float, int]:
         elif not better:
             return error, passes + 1  # no way down: rounding, or no solution near
         for k in range(nz):
-            z[k], rest[k] = trial[k], trial_rest[k]
+            z[k], residual[k] = trial[k], trial_residual[k]
         error, most = new, trial_most
     return error, _NEWTON_PASSES
 
@@ -242,12 +244,13 @@ def newton(reduced: Reduced, z: np.ndarray, fast: bool) -> tuple[float, int]:
 @kernel
 def fixed_point(reduced: Reduced, z: np.ndarray, tolerance: float) -> int:
     """Iterate z = offset + gain load(z), certain to converge below contraction 1; return passes."""
-    rest, size, p = np.empty(z.size), np.empty(z.size), np.empty(3)
+    nz = z.size
+    residual, J, length = np.empty(nz), np.empty((nz, nz)), np.empty(reduced.gain.size)
     for passes in range(_FIXED_POINT_PASSES):
-        if residual(reduced, z, rest, size, p) <= tolerance:
+        if write_residual(reduced, z, residual, J, length) <= tolerance:
             return passes
-        for k in range(z.size):
-            z[k] -= rest[k]
+        for k in range(nz):
+            z[k] -= residual[k]
     return _FIXED_POINT_PASSES
 
 
@@ -255,19 +258,18 @@ def fixed_point(reduced: Reduced, z: np.ndarray, tolerance: float) -> int:
 def settles(reduced: Reduced, z: np.ndarray) -> bool:
     """Refine a z of small residual by Newton; return whether it is known to be a solution.
 
-    Its error |J^-1| (|rest| + rounding) must be small: where the contraction is 1, a small residual
-    far out proves nothing.
+    Its error |J^-1| (|residual| + rounding) must be small: where the contraction is 1, a small
+    residual far out proves nothing.
 
     Args:
         z: (nz,), overwritten.
     """
     _, _, offset, _, gain, contact = reduced
     nz = z.size
-    rest, terms, p = np.empty(nz), np.empty(nz), np.empty(3)
-    J, inverse = np.empty((nz, nz)), np.empty((nz, nz))
+    residual, J, length = np.empty(nz), np.empty((nz, nz)), np.empty(gain.size)
+    inverse = np.empty((nz, nz))
     for _ in range(3):
-        residual(reduced, z, rest, terms, p)
-        residual_slope(reduced, z, J)
+        write_residual(reduced, z, residual, J, length)
         for i in range(nz):
             for j in range(nz):
                 inverse[i, j] = 1.0 if i == j else 0.0
@@ -281,8 +283,8 @@ def settles(reduced: Reduced, z: np.ndarray) -> bool:
         for i in range(nz):
             step, bound = 0.0, 0.0
             for j in range(nz):
-                step += inverse[i, j] * rest[j]
-                bound += abs(inverse[i, j]) * (abs(rest[j]) + RESIDUAL * size)
+                step += inverse[i, j] * residual[j]
+                bound += abs(inverse[i, j]) * (abs(residual[j]) + RESIDUAL * size)
             z[i] -= step
             error = max(error, bound)
         if error <= _DISTINCT * size:
@@ -446,88 +448,83 @@ def slide(problem: Problem, modes: Modes) -> bool:  # noqa: C901
     for c in range(nc):
         if modes.stuck[c] or modes.at_rest[c]:
             return False
-    gain, offset, place, nz = np.empty(ne), np.empty(nc), np.full(nc, -1, np.int64), 0
-    slip_law(problem, modes.stuck, modes.direction, gain, offset)
-    for t in range(problem.contact_entry.size):
+    law, offset, unknown, nz = np.empty(ne), np.empty(nc), np.full(nc, -1, np.int64), 0
+    slip_law(problem, modes.stuck, modes.direction, law, offset)
+    contact, nt, ng = problem.contact, problem.contact_entry.size, modes.effort.size
+    place, gain, length = np.empty(nt, np.int64), np.empty(nt), np.empty(nt)
+    for t in range(nt):
         s = problem.contact_entry[t]
-        if gain[s] != 0.0 and place[problem.coordinate[s]] < 0:
-            place[problem.coordinate[s]] = nz
+        place[t], gain[t] = problem.coordinate[s], law[s]
+        if gain[t] != 0.0 and unknown[place[t]] < 0:
+            unknown[place[t]] = nz
             nz += 1
-    ng = modes.effort.size
     for g in range(ng):
         c = problem.coordinate[gear_entry(problem, g)]
-        if place[c] < 0:
-            place[c] = nz
+        if unknown[c] < 0:
+            unknown[c] = nz
             nz += 1
-    J, rest = np.empty((nz, nz)), np.empty(nz)
-    contraction = _contraction(problem, gain, place, J, rest)
+    back, J, residual = np.empty((nz, nz)), np.empty((nc, nc)), np.empty(nc)
+    contraction = _contraction(contact, place, gain, unknown, back)
     if nz == 0 or not contraction < _CLEAR:
         return False
-    back = lines = rows = J  # not used without gears
+    lines = rows = J  # not used without gears
     if ng > 0:
-        back, lines, rows = J.copy(), np.empty((ng, 4)), np.empty((nc, 3))
+        lines, rows = np.empty((ng, 4)), np.empty((nc, 3))
     for s in range(ne):
-        offset[problem.coordinate[s]] += gain[s] * problem.constant[s]
+        offset[problem.coordinate[s]] += law[s] * problem.constant[s]
     started = x[0] == x[0]
     for c in range(nc):
-        if place[c] < 0 or not started:
-            x[c] = offset[c] if place[c] < 0 else 0.0
+        if unknown[c] < 0 or not started:
+            x[c] = offset[c] if unknown[c] < 0 else 0.0
+    reduced = Reduced(unknown, J, offset, place, gain, contact)  # z is x: X is not read
     for passes in range(_PASSES):
-        error = _residual(problem, gain, offset, place, x, load, J, rest)
+        error = write_residual(reduced, x, residual, J, length)
+        load[:] = problem.constant
+        for t in range(nt):
+            load[problem.contact_entry[t]] += length[t]
         if ng > 0:
-            write_rates(problem, modes.friction, modes.rate)
+            write_rates(problem, x, modes.rate)
             if passes > 0:
                 fit_within(problem, modes, lines, False)
             write_rows_within(problem, modes, lines, rows)
             if not rows[:, 0].min() > _RISES:
                 return False
-            error = _with_gears(problem, modes, rows, place, J, rest)
+            error = _with_gears(problem, modes, rows, J, residual)
         if error <= RESIDUAL * (8 + nz) and (ng == 0 or fit(problem, modes, lines, False)[0] == 0):
             if ng > 0:
-                contraction = _behind_gears(problem, modes, rows, place, back)
+                contraction = _behind_gears(problem, modes, rows, unknown, back)
                 if not contraction < _CLEAR:
                     break
             modes.figures[0], modes.figures[1] = contraction, passes
             modes.verdict[:] = 0
             if ng == 0:
-                write_rates(problem, modes.friction, modes.rate)
+                write_rates(problem, x, modes.rate)
             return True
-        _eliminate(J, rest)
+        _eliminate(J, residual)
         for c in range(nc):
-            if place[c] >= 0:
-                x[c] -= rest[place[c]]
+            x[c] -= residual[c]
     x[0] = np.nan
     return False
 
 
 @kernel
 def _with_gears(
-    problem: Problem,
-    modes: Modes,
-    rows: np.ndarray,
-    place: np.ndarray,
-    J: np.ndarray,
-    rest: np.ndarray,
+    problem: Problem, modes: Modes, rows: np.ndarray, J: np.ndarray, residual: np.ndarray
 ) -> float:
     """Turn x - y into a (x - y) + b r - g; return the largest, relative to its terms."""
     worst = 0.0
-    for c in range(place.size):
-        k, across, along, given = place[c], rows[c, 0], rows[c, 1], rows[c, 2]
-        if k < 0:
-            continue
+    for c in range(residual.size):
+        across, along, given = rows[c, 0], rows[c, 1], rows[c, 2]
         terms = abs(problem.rate_free[c])
-        for d in range(place.size):
+        for d in range(residual.size):
             terms += abs(problem.rate_slope[c, d] * modes.friction[d])
+            J[c, d] = across * J[c, d] + along * problem.rate_slope[c, d]
         terms = abs(across * modes.friction[c]) + abs(along) * terms + abs(given)
-        rest[k] = across * rest[k] + along * modes.rate[c] - given
-        for d in range(place.size):
-            if place[d] >= 0:
-                slope = along * problem.rate_slope[c, d]
-                J[k, place[d]] = across * J[k, place[d]] + slope
-        if not abs(rest[k]) < 1e300:
+        residual[c] = across * residual[c] + along * modes.rate[c] - given
+        if not abs(residual[c]) < 1e300:
             return np.inf
-        if rest[k] != 0.0:
-            worst = max(worst, abs(rest[k]) / terms)
+        if residual[c] != 0.0:
+            worst = max(worst, abs(residual[c]) / terms)
     return worst
 
 
@@ -550,67 +547,16 @@ def _behind_gears(
 
 @kernel
 def _contraction(
-    problem: Problem, gain: np.ndarray, place: np.ndarray, A: np.ndarray, vector: np.ndarray
+    contact: np.ndarray, place: np.ndarray, gain: np.ndarray, unknown: np.ndarray, A: np.ndarray
 ) -> float:
-    """Bound how much of a change of friction comes back; see `given_modes.contraction_matrix`."""
+    """Bound how much of a change of friction comes back; see `contraction_matrix`."""
     A[:] = 0.0
-    for t in range(problem.contact_entry.size):
-        s = problem.contact_entry[t]
-        for c in range(place.size if gain[s] != 0.0 else 0):
-            if place[c] >= 0:
-                force = problem.contact[t, 1 + c]
-                size = np.sqrt(force[0] * force[0] + force[1] * force[1] + force[2] * force[2])
-                A[place[problem.coordinate[s]], place[c]] += abs(gain[s]) * size
-    return spectral_radius_bound(A, vector)
-
-
-@kernel
-def _residual(
-    problem: Problem,
-    gain: np.ndarray,
-    offset: np.ndarray,
-    place: np.ndarray,
-    x: np.ndarray,
-    load: np.ndarray,
-    J: np.ndarray,
-    rest: np.ndarray,
-) -> float:
-    """Write x - offset - gain |p(x)| (nz,), its Jacobian (nz, nz) and the loads (ne,).
-
-    Returns:
-        The largest, relative to the terms it is the sum of.
-    """
-    contact, size, worst = problem.contact, np.empty(rest.size), 0.0
-    J[:], load[:] = 0.0, problem.constant
-    for c in range(x.size):
-        k = place[c]
-        if k >= 0:
-            J[k, k], rest[k], size[k] = 1.0, x[c] - offset[c], abs(x[c]) + abs(offset[c])
-    for t in range(problem.contact_entry.size):
-        p, q, r = contact[t, 0, 0], contact[t, 0, 1], contact[t, 0, 2]
-        terms = abs(p) + abs(q) + abs(r)
-        for c in range(x.size):
-            u, v, w = contact[t, 1 + c, 0], contact[t, 1 + c, 1], contact[t, 1 + c, 2]
-            p, q, r = p + u * x[c], q + v * x[c], r + w * x[c]
-            terms += (abs(u) + abs(v) + abs(w)) * abs(x[c])
-        s, length = problem.contact_entry[t], np.sqrt(p * p + q * q + r * r)
-        load[s] += length
-        if gain[s] == 0.0:
-            continue
-        k = place[problem.coordinate[s]]
-        rest[k] -= gain[s] * length
-        size[k] += abs(gain[s]) * terms
-        for c in range(x.size if length > 0.0 else 0):
-            if place[c] >= 0:
-                along = p * contact[t, 1 + c, 0] + q * contact[t, 1 + c, 1]
-                along += r * contact[t, 1 + c, 2]
-                J[k, place[c]] -= gain[s] * along / length
-    for k in range(rest.size):
-        if not abs(rest[k]) < 1e300:
-            return np.inf
-        if rest[k] != 0.0:
-            worst = max(worst, abs(rest[k]) / size[k])
-    return worst
+    for t in range(gain.size):
+        for c in range(unknown.size if gain[t] != 0.0 else 0):
+            if unknown[c] >= 0:
+                x, y, z = contact[t, 1 + c, 0], contact[t, 1 + c, 1], contact[t, 1 + c, 2]
+                A[unknown[place[t]], unknown[c]] += abs(gain[t]) * np.sqrt(x * x + y * y + z * z)
+    return spectral_radius_bound(A, np.empty(A.shape[0]))
 
 
 @kernel

@@ -29,17 +29,6 @@ def contact_force(contact: np.ndarray, t: int, x: np.ndarray, p: np.ndarray) -> 
 
 
 @kernel
-def contact_terms(contact: np.ndarray, t: int, x: np.ndarray) -> float:
-    """Return the size of the terms whose sum is a contact force under x."""
-    terms = 0.0
-    for e in range(3):
-        terms += abs(contact[t, 0, e])
-        for j in range(x.size):
-            terms += abs(contact[t, 1 + j, e] * x[j])
-    return terms
-
-
-@kernel
 def write_loads(
     contact: np.ndarray, owner: np.ndarray, constant: np.ndarray, x: np.ndarray, load: np.ndarray
 ) -> None:

@@ -32,10 +32,9 @@ def test_the_jacobian_is_the_derivative_of_the_residual(seed):
     z = np.random.default_rng(seed).normal(size=nz)
 
     def at(z):
-        rest, size, J = np.empty(nz), np.empty(nz), np.empty((nz, nz))
-        coupling.residual(reduced, z, rest, size, np.empty(3))
-        coupling.residual_slope(reduced, z, J)
-        return rest, J
+        residual, J, length = np.empty(nz), np.empty((nz, nz)), np.empty(len(reduced.gain))
+        coupling.write_residual(reduced, z, residual, J, length)
+        return residual, J
 
     step = 1e-6
     numeric = np.array(
