@@ -130,7 +130,7 @@ def test_inverse_dynamics_of_one_state_can_be_interpreted(name):
     motion = rng.normal(size=(3, scene.model.nv))
     supplier = Workspace(scene).supplier
     supplier.balance(*motion)
-    x.force[:], x.h[:] = supplier.supply.force, supplier.supply.h
+    x.chain.force[:], x.chain.h[:] = supplier.supply.force, supplier.supply.h
     assert interpreted.plain(rub)(x, *motion)
     rnea = pin.rnea(scene.model, scene.twin().model.createData(), x.q, x.v[0], x.a[0])
     found = x.found

@@ -22,6 +22,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from pinfric.dynamics.problem.accelerations import is_normalized
+from pinfric.dynamics.problem.machine import ChainState, read_sites
 from pinfric.dynamics.samples.motor_torques import scene_gears
 from pinfric.errors import PinfricError, StateError
 from pinfric.kernels.compiled import kernel, record
@@ -205,23 +206,13 @@ class CompensatedSample(NamedTuple):
 
     Attributes:
         tables: of the scene.
-        joint: (ns,) row of each site's joint.
-        displacement_q, displacement_ratio, displacement_shift: (ns,), see `Plan`.
-        unit_q, unit_count: (nu,) where in q the parts of length 1 begin, how long they are.
-        force, h: (1 + nj, 6), (nv,) of Pinocchio's `Data`, see `machine.Supply`.
+        chain: of the last RNEA.
         reach: see `reach`. position: (nv,) index in q of a joint's one position, or -1.
         wrench, displacement, load: (1, ns, 6), (1, ns), (1, ns) buffers.
     """
 
     tables: Compensated
-    joint: np.ndarray
-    displacement_q: np.ndarray
-    displacement_ratio: np.ndarray
-    displacement_shift: np.ndarray
-    unit_q: np.ndarray
-    unit_count: np.ndarray
-    force: np.ndarray
-    h: np.ndarray
+    chain: ChainState
     reach: Reach
     position: np.ndarray
     wrench: np.ndarray
@@ -481,16 +472,12 @@ def compensate_sample(
     for i in range(q.size):
         if not abs(q[i]) <= LARGEST_OF_A_MOTION:
             return False
-    if not is_normalized(x.unit_q, x.unit_count, q):
+    t, chain, wrench, displacement, load = x.tables, x.chain, x.wrench, x.displacement, x.load
+    if not is_normalized(chain.unit_first, chain.unit_count, q):
         return False
-    t = x.tables
-    for s in range(x.joint.size):
-        x.displacement[0, s] = x.displacement_ratio[s] * q[x.displacement_q[s]]
-        x.displacement[0, s] += x.displacement_shift[s]
-        for e in range(6):
-            x.wrench[0, s, e] = x.force[1 + x.joint[s], e]
-    normal_loads(x.wrench, t.sites.joint, t.sites.contacts, x.displacement, x.load)
-    compensate(t, x.h, x.load[0], v_ref, error, v_now, given, options, out)
+    read_sites(chain, q, wrench[0], displacement[0])
+    normal_loads(wrench, t.sites.joint, t.sites.contacts, displacement, load)
+    compensate(t, chain.h, load[0], v_ref, error, v_now, given, options, out)
     finite = True
     for d in range(out.size):
         if given[2]:
@@ -498,7 +485,7 @@ def compensate_sample(
             for i in range(v.size):
                 change += t.rate[d, i] * a[i]
             for e in range(out.size):
-                out[d] += t.delivery[d, e] * x.h[t.own[e]]
+                out[d] += t.delivery[d, e] * chain.h[t.own[e]]
             out[d] += t.gears.ratio[d] ** 2 * t.gears.rotor_inertia[d] * change
         finite &= abs(out[d]) < np.inf
     return finite

@@ -42,11 +42,12 @@ from pinfric.dynamics.inverse.linkage import solve_linkage
 from pinfric.dynamics.inverse.tree import check_finite, solve_tree
 from pinfric.dynamics.inverse.undriven import check_shares, negligible_efforts
 from pinfric.dynamics.problem.accelerations import is_normalized
+from pinfric.dynamics.problem.machine import ChainState, read_sites
 from pinfric.dynamics.samples.motion_kernels import TreeSamples, bound_within
 from pinfric.dynamics.samples.motor_torques import scene_gears
 from pinfric.dynamics.samples.outcome import Status
 from pinfric.dynamics.samples.reactions import AppliedWrench, applied_wrenches, external_frame
-from pinfric.dynamics.samples.states import States, one_of, unit_parts, vector
+from pinfric.dynamics.samples.states import States, one_of, vector
 from pinfric.errors import PinfricError
 from pinfric.kernels.compiled import compile_for, compiling, kernel, record
 from pinfric.model.drives import Gears, joint_effort_ends, write_motor_torques
@@ -115,10 +116,7 @@ class Sample(NamedTuple):
 
     Attributes:
         q, v, a: (nq,), (1, nv), (1, nv).
-        unit_q, unit_count: (nu,) where in q the parts of length 1 begin, how long they are.
-        force, h: (1 + nj, 6), (nv,) of Pinocchio's `Data`, see `machine.Supply`.
-        joint: (ns,) row of each site's joint.
-        displacement_q, displacement_ratio, displacement_shift: (ns,), see `Plan`.
+        chain: of the last RNEA.
         sites: `Scene.site_tables`, `joint` the row of the site itself. gears: of its drives.
         geared: (1,) bool, whether a drive has a gear.
         turns: (1, na), False: no reversals.
@@ -134,14 +132,7 @@ class Sample(NamedTuple):
     q: np.ndarray
     v: np.ndarray
     a: np.ndarray
-    unit_q: np.ndarray
-    unit_count: np.ndarray
-    force: np.ndarray
-    h: np.ndarray
-    joint: np.ndarray
-    displacement_q: np.ndarray
-    displacement_ratio: np.ndarray
-    displacement_shift: np.ndarray
+    chain: ChainState
     sites: SiteTables
     gears: Gears
     geared: np.ndarray
@@ -171,7 +162,8 @@ def is_usual(x: Sample) -> bool:
     for i in range(x.v.size):
         if not (abs(x.v[0, i]) <= LARGEST_OF_A_MOTION and abs(x.a[0, i]) <= LARGEST_OF_A_MOTION):
             return False
-    return is_normalized(x.unit_q, x.unit_count, x.q)
+    chain = x.chain
+    return is_normalized(chain.unit_first, chain.unit_count, x.q)
 
 
 @kernel
@@ -185,21 +177,17 @@ def rub(x: Sample, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> bool:
         False if the state is invalid (`is_usual`), an effort overflows, or the motion may need one
         where no drive is.
     """
-    found = x.found  # once: arrays of a record are counted at every access
+    found, chain, wrench = x.found, x.chain, x.wrench  # arrays of a record are counted every time
     for i in range(q.size):
         x.q[i] = q[i]
     for i in range(v.size):
         x.v[0, i], x.a[0, i] = v[i], a[i]
-    for s in range(x.joint.size):
+    for s in range(chain.joint.size):
         found.velocity[0, s] = x.v[0, x.sites.velocity_index[s]] * x.sites.ratio[s]
-        found.displacement[0, s] = (
-            x.displacement_ratio[s] * x.q[x.displacement_q[s]] + x.displacement_shift[s]
-        )
-        for e in range(6):
-            x.wrench[0, s, e] = x.force[1 + x.joint[s], e]
-    for i in range(x.h.size):
-        found.effort_frictionless[0, i] = x.h[i]
-    bound_within(x.sites, x.wrench, found)
+    read_sites(chain, q, wrench[0], found.displacement[0])
+    for i in range(v.size):
+        found.effort_frictionless[0, i] = chain.h[i]
+    bound_within(x.sites, wrench, found)
     lower, upper, v_drive, a_drive = found.effort_lower, found.effort_upper, x.v, x.a
     finite = True
     if x.undriven.size > 0:
@@ -225,9 +213,7 @@ def rub(x: Sample, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> bool:
 
 def make_sample(ws: Workspace, scene: Scene) -> Sample:
     """Make the buffers of one sample of an open chain, on the Pinocchio data of a workspace."""
-    plan, supply = ws.plan, ws.supplier.supply
     ns, na = len(scene.sites), len(scene.drives)
-    unit_q, unit_count = unit_parts(scene.model)
     effort, motor = np.zeros((3, 1, ws.nv)), np.zeros((2, 1, na))
     own = np.zeros((3, 1, na)) if scene.mobility.undriven else effort
     of_sites, flags = np.zeros((5, 1, ns)), np.zeros((2, 1, ns), dtype=bool)
@@ -236,14 +222,7 @@ def make_sample(ws: Workspace, scene: Scene) -> Sample:
         q=np.zeros(ws.nq),
         v=np.zeros((1, ws.nv)),
         a=np.zeros((1, ws.nv)),
-        unit_q=unit_q,
-        unit_count=unit_count,
-        force=supply.force,
-        h=supply.h,
-        joint=plan.sites.joint,
-        displacement_q=plan.sites.displacement_q,
-        displacement_ratio=plan.sites.displacement_ratio,
-        displacement_shift=plan.sites.displacement_shift,
+        chain=ChainState.of(ws.machine),
         sites=scene.site_tables._replace(joint=np.arange(ns)),
         gears=scene_gears(scene, brakes=False),
         geared=np.array([geared]),
@@ -283,23 +262,14 @@ def compensated_sample(ws: Workspace, scene: Scene) -> CompensatedSample:
         ws: computes reactions; it may be that of the scene with other friction.
         scene: with the friction that is compensated.
     """
-    plan, supply = ws.plan.sites, ws.supplier.supply
     position = np.full(ws.nv, -1)
     for joint in list(scene.model.joints)[1:]:
         if joint.nq == 1:
             position[joint.idx_v] = joint.idx_q
-    unit_q, unit_count = unit_parts(scene.model)
     ns = len(scene.sites)
     return CompensatedSample(
         tables=make_compensated(scene),
-        joint=plan.joint,
-        displacement_q=plan.displacement_q,
-        displacement_ratio=plan.displacement_ratio,
-        displacement_shift=plan.displacement_shift,
-        unit_q=unit_q,
-        unit_count=unit_count,
-        force=supply.force,
-        h=supply.h,
+        chain=ChainState.of(ws.machine),
         reach=reach(scene),
         position=position,
         wrench=np.zeros((1, ns, 6)),

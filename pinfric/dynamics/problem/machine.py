@@ -74,6 +74,51 @@ class Supply(NamedTuple):
     h: np.ndarray
 
 
+class ChainState(NamedTuple):
+    """What kernels read of an open chain at the last state that RNEA computed.
+
+    Attributes:
+        unit_first, unit_count: see `Tree`. force, h: see `Supply`.
+        joint, displacement_q, displacement_ratio, displacement_shift: (ns,), see `plan.Sites`.
+    """
+
+    unit_first: np.ndarray
+    unit_count: np.ndarray
+    force: np.ndarray
+    h: np.ndarray
+    joint: np.ndarray
+    displacement_q: np.ndarray
+    displacement_ratio: np.ndarray
+    displacement_shift: np.ndarray
+
+    @classmethod
+    def of(cls, machine: Machine) -> ChainState:
+        """Take the arrays that `Supplier` writes."""
+        tree, sites = machine.tree, machine.plan.sites
+        return cls(
+            tree.unit_first,
+            tree.unit_count,
+            machine.supply.force,
+            machine.supply.h,
+            sites.joint,
+            sites.displacement_q,
+            sites.displacement_ratio,
+            sites.displacement_shift,
+        )
+
+
+@kernel
+def read_sites(
+    chain: ChainState, q: np.ndarray, wrench: np.ndarray, displacement: np.ndarray
+) -> None:
+    """Write the wrench (ns, 6) and the displacement (ns,) of every site."""
+    for s in range(chain.joint.size):
+        displacement[s] = chain.displacement_ratio[s] * q[chain.displacement_q[s]]
+        displacement[s] += chain.displacement_shift[s]
+        for e in range(6):
+            wrench[s, e] = chain.force[1 + chain.joint[s], e]
+
+
 class Kinematics(NamedTuple):
     """Kinematics of one state, in world axes.
 
