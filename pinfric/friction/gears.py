@@ -466,7 +466,7 @@ def lasts_under_loads(problem: Problem, modes: Modes, slopes: np.ndarray) -> boo
     return bool(np.linalg.eigvalsh(0.5 * (E + E.T)).min(initial=1.0) > 0.0)
 
 
-def choices(problem: Problem, modes: Modes) -> list[tuple[np.ndarray, bool]] | None:
+def choices_of_lines(problem: Problem, modes: Modes) -> list[tuple[np.ndarray, bool]] | None:
     """Return efforts (ng,) on every choice of lines that may fit, and whether it is stable.
 
     None where there are too many. The present modes must be solved, on any lines.

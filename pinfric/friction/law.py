@@ -173,9 +173,9 @@ def entry_friction(
             width = upper[c] - lower[c]
             if not width < np.inf:
                 continue
-            share = (friction[c] - lower[c]) / width if width > 0.0 else 0.5
+            fraction = (friction[c] - lower[c]) / width if width > 0.0 else 0.5
             least, greatest = entry_limits(problem, load, s)
-            phi[s] = (least + share * (greatest - least)) / ratio
+            phi[s] = (least + fraction * (greatest - least)) / ratio
         else:
             gain, offset = sliding(problem, s, direction[c])
             phi[s] = (gain * load[s] + offset) / ratio
@@ -202,7 +202,7 @@ def _share_unlimited(
             else:
                 beyond_low, beyond_high = beyond_low + least, beyond_high + greatest
     middle = 0.5 * (max(low, friction - beyond_high) + min(high, friction - beyond_low))
-    share = (middle - low) / (high - low) if high > low else 0.5
+    fraction = (middle - low) / (high - low) if high > low else 0.5
     left = friction - middle
     for spread in (True, False):  # the second time from the last entry on
         for n in range(phi.size):
@@ -213,7 +213,7 @@ def _share_unlimited(
             had = 0.0 if spread else phi[s] * problem.ratio[s]
             part = min(max(0.0 if spread else had + left, least), greatest)
             if greatest - least < np.inf:
-                part = least + share * (greatest - least)
+                part = least + fraction * (greatest - least)
             else:
                 left -= part - had
             phi[s] = part / problem.ratio[s]

@@ -132,7 +132,7 @@ def bounded(problem: Problem) -> Problem:
     return problem._replace(coulomb_stick=np.minimum(limits, most))
 
 
-class Found(IntEnum):
+class SearchOutcome(IntEnum):
     """How a search for modes ended."""
 
     SOLVED = 0

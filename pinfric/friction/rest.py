@@ -401,20 +401,23 @@ def anderson(step: _Shared, x: np.ndarray, sharp: float) -> tuple[np.ndarray | N
     best, since = np.inf, 0
     for passes in range(_PASSES):
         image = step.image(x)
-        rest = image - x
-        if not np.isfinite(rest).all():
+        residual = image - x
+        if not np.isfinite(residual).all():
             return None, passes
-        error, size = float(np.abs(rest).max(initial=0.0)), float(np.abs(image).max(initial=0.0))
+        error, size = (
+            float(np.abs(residual).max(initial=0.0)),
+            float(np.abs(image).max(initial=0.0)),
+        )
         if error <= sharp * size:
             return image, passes
         since = 0 if error < 0.5 * best else since + 1
         best = min(best, error)
         if since > 12 and error <= 1e-12 * size:
             return image, passes  # rounding
-        points, residuals = [*points[-4:], image], [*residuals[-4:], rest]
+        points, residuals = [*points[-4:], image], [*residuals[-4:], residual]
         x = image
         if len(points) > 1:
-            slope = np.array([r - rest for r in residuals[:-1]]).T
-            share_ = np.linalg.lstsq(slope, -rest, rcond=1e-10)[0]
-            x = image + np.array([p - image for p in points[:-1]]).T @ share_
+            slope = np.array([r - residual for r in residuals[:-1]]).T
+            weights = np.linalg.lstsq(slope, -residual, rcond=1e-10)[0]
+            x = image + np.array([p - image for p in points[:-1]]).T @ weights
     return None, _PASSES

@@ -21,12 +21,18 @@ import numpy as np
 
 from pinfric.friction.balance import FITS, RANK
 from pinfric.friction.certificate import Ball, kinetic
-from pinfric.friction.gears import choices, fit, is_certain, lasts_under_loads, lines_and_rows
+from pinfric.friction.gears import (
+    choices_of_lines,
+    fit,
+    is_certain,
+    lasts_under_loads,
+    lines_and_rows,
+)
 from pinfric.friction.given_modes import SHOULD_STICK, judge
 from pinfric.friction.islands import split
 from pinfric.friction.law import evaluate
 from pinfric.friction.minimax import least_violation
-from pinfric.friction.problem import Found, Modes, Problem
+from pinfric.friction.problem import Modes, Problem, SearchOutcome
 from pinfric.friction.rest import Mechanism, solve_modes
 from pinfric.friction.several import find_all
 from pinfric.friction.smoothing import guess_modes
@@ -156,14 +162,16 @@ _FEW = 2
 MOST_PASSES = 20_000
 #: Accelerations closer than this, relative to their size, are the same one.
 _SAME = 1e-6
+#: Outcomes of a search that found no answer.
+_NOTHING = SearchOutcome.NONE, SearchOutcome.NOT_CONVERGED
 #: Outcomes from the best to the worst; that of several searches is their worst.
 _GRAVITY = (
-    Found.SOLVED,
-    Found.UNSTABLE,
-    Found.AMBIGUOUS,
-    Found.UNDECIDED,
-    Found.NOT_CONVERGED,
-    Found.NONE,
+    SearchOutcome.SOLVED,
+    SearchOutcome.UNSTABLE,
+    SearchOutcome.AMBIGUOUS,
+    SearchOutcome.UNDECIDED,
+    SearchOutcome.NOT_CONVERGED,
+    SearchOutcome.NONE,
 )
 #: Passes of the search: a constant, and a number per coordinate.
 _CHANGES, _FOR_EACH = 60, 20
@@ -185,7 +193,7 @@ class Answer(NamedTuple):
 
 
 @dataclass
-class Count:
+class SearchStatistics:
     """What a search counted.
 
     Attributes:
@@ -201,7 +209,7 @@ class Count:
     unsure: bool = False
     island: np.ndarray = field(default_factory=lambda: np.empty(0, dtype=np.int64))
 
-    def single(self, solutions: int, obeying: int) -> Found:
+    def of_one_mode(self, solutions: int, obeying: int) -> SearchOutcome:
         """Return how a search of a single mode ends, from what `rest.solve_modes` returns."""
         self.many, self.tried, self.unsure = (obeying, obeying), 1, False
         self.island = self.island[:0]
@@ -222,7 +230,12 @@ class _Query:
     """
 
     def __init__(
-        self, problem: Problem, modes: Modes, mechanism: Mechanism, count: Count, every: bool
+        self,
+        problem: Problem,
+        modes: Modes,
+        mechanism: Mechanism,
+        count: SearchStatistics,
+        every: bool,
     ) -> None:
         self.every, self.left, self.unsure, self.proved = every, MOST_PASSES, False, True
         self.problem, self.modes, self.mechanism = problem, modes, mechanism
@@ -244,7 +257,7 @@ class _Query:
     def _on_every_line(self) -> tuple[int, int]:
         """Solve the modes on every line of gears that may fit; `found` are then the answers."""
         m, solved = self.modes, list[Answer]()
-        every = choices(self.problem, m)
+        every = choices_of_lines(self.problem, m)
         self.count.unsure |= every is None
         for efforts, stable in every or ():
             m.effort[:] = efforts
@@ -263,30 +276,30 @@ class _Query:
         self.modes.take(answer.modes)
         solve_modes(self.problem, self.modes, self.mechanism, chosen=True)
 
-    def end(self, solutions: int, obeying: int) -> Found:
+    def end(self, solutions: int, obeying: int) -> SearchOutcome:
         """Return how the search ends with the modes just solved; the answer is the present one."""
         if self.found:
             return self.choose(list(self.found))
         self.count.many = obeying, obeying
         return self.sure(outcome(solutions, obeying))
 
-    def sure(self, found: Found) -> Found:
+    def sure(self, found: SearchOutcome) -> SearchOutcome:
         """Return how the search ends, where what it may have missed would change that."""
-        unsure = self.count.unsure and found == Found.NONE
-        unsure |= found == Found.SOLVED and (self.unsure or self.count.unsure)
-        return Found.UNDECIDED if unsure else found
+        unsure = self.count.unsure and found == SearchOutcome.NONE
+        unsure |= found == SearchOutcome.SOLVED and (self.unsure or self.count.unsure)
+        return SearchOutcome.UNDECIDED if unsure else found
 
-    def choose(self, answers: list[Answer]) -> Found:
+    def choose(self, answers: list[Answer]) -> SearchOutcome:
         """Make the answer the present one: of several the only stable one."""
         stable = [answer for answer in answers if answer.stable]
         self.count.many = len(answers), len(stable)
         best = (stable or answers)[0]
         self._take(best)  # others were tried since
         if not _same(self.modes, best.modes):
-            return Found.UNDECIDED
+            return SearchOutcome.UNDECIDED
         if len(stable) == 1:
-            return Found.SOLVED
-        return Found.AMBIGUOUS if len(answers) > 1 else Found.UNSTABLE
+            return SearchOutcome.SOLVED
+        return SearchOutcome.AMBIGUOUS if len(answers) > 1 else SearchOutcome.UNSTABLE
 
     def _all(self, found: tuple[int, int]) -> tuple[int, int]:
         """Look for solutions that Newton's method has missed; see `answer`."""
@@ -316,9 +329,9 @@ def search(
     mechanism: Mechanism,
     forced: Mapping[int, float] | None = None,
     held: np.ndarray | None = None,
-    count: Count | None = None,
+    count: SearchStatistics | None = None,
     follow: bool = False,
-) -> Found:
+) -> SearchOutcome:
     """Find the modes of the coordinates at rest, island by island; those that move keep theirs.
 
     At a dead centre a joint has no velocity although the mechanism moves; it is not at rest.
@@ -333,16 +346,17 @@ def search(
     Returns:
         The worst outcome of an island.
     """
-    islands, forced, count = split(problem, modes, mechanism), forced or {}, count or Count()
+    islands, forced = split(problem, modes, mechanism), forced or {}
+    count = count or SearchStatistics()
     solve = _follow_or_search if follow else _search
     if not islands:
         count.island = np.arange(len(modes.stuck))
         return solve(problem, modes, mechanism, count, forced, held)
-    ends = list[tuple[Found, Count, np.ndarray]]()
+    ends = list[tuple[SearchOutcome, SearchStatistics, np.ndarray]]()
     for island in islands:
         ways = {k: forced[c] for k, c in enumerate(island.coordinates.tolist()) if c in forced}
         stays = None if held is None else held[island.coordinates]
-        own = Count(island=island.coordinates)
+        own = SearchStatistics(island=island.coordinates)
         part = island.problem, island.modes, island.mechanism
         ends.append((solve(*part, own, ways, stays), own, island.modes.figures))
         island.put_back(problem, modes, mechanism)
@@ -352,7 +366,7 @@ def search(
     those = [(own, figures) for found, own, figures in ends if found == worst]
     modes.figures[:] = np.max([figures for _, figures in those], axis=0)
     many = np.prod([own.many for own, _ in those], axis=0).tolist()
-    count.many = (many[0], many[1]) if worst == Found.SOLVED else those[0][0].many
+    count.many = (many[0], many[1]) if worst == SearchOutcome.SOLVED else those[0][0].many
     count.tried, count.island = those[0][0].tried, those[0][0].island
     count.unsure = any(own.unsure for own, _ in those)
     return worst
@@ -362,10 +376,10 @@ def _search(
     problem: Problem,
     modes: Modes,
     mechanism: Mechanism,
-    count: Count,
+    count: SearchStatistics,
     forced: Mapping[int, float],
     held: np.ndarray | None,
-) -> Found:
+) -> SearchOutcome:
     """`search` of one island."""
     query = _Query(problem, modes, mechanism, count, every=True)
     together = mechanism.is_dependent(modes.at_rest)
@@ -384,7 +398,7 @@ def _search(
             break
         modes.at_rest[:] = at_rest
         modes.direction[passing] = np.sign(modes.rate[passing])
-    if found == Found.SOLVED and not query.proved:
+    if found == SearchOutcome.SOLVED and not query.proved:
         query.count.many = 0, 0
     return query.sure(found)
 
@@ -397,7 +411,7 @@ def _led(problem: Problem, modes: Modes, mechanism: Mechanism) -> np.ndarray:
     return np.asarray(led | (~A.any(axis=0) & moves))
 
 
-def _search_open(query: _Query, forced: dict[int, float], held: np.ndarray | None) -> Found:
+def _search_open(query: _Query, forced: dict[int, float], held: np.ndarray | None) -> SearchOutcome:
     """Find the modes of coordinates at rest if no joint passes its dead centre; see `search`."""
     modes, mechanism = query.modes, query.mechanism
     rests, together = modes.at_rest, mechanism.is_dependent(modes.at_rest)
@@ -411,18 +425,18 @@ def _search_open(query: _Query, forced: dict[int, float], held: np.ndarray | Non
     if len(mechanism.joints(rests)) > MOST_ENUMERATED:
         return _pivot(query, forced)
     found = _enumerate(query, _all_ways(query, forced), forced, held)
-    missed = found in (Found.NONE, Found.NOT_CONVERGED) and (mechanism.ball & rests).any()
-    if missed or found == Found.UNDECIDED:  # a ball's direction is searched from one start
+    missed = found in _NOTHING and (mechanism.ball & rests).any()
+    if missed or found == SearchOutcome.UNDECIDED:  # a ball's direction is searched from one start
         query.left = MOST_PASSES
         found = _pivot(query, forced)
-        return found if found == Found.SOLVED else Found.UNDECIDED
-    if together and forced and found in (Found.NONE, Found.NOT_CONVERGED):
+        return found if found == SearchOutcome.SOLVED else SearchOutcome.UNDECIDED
+    if together and forced and found in _NOTHING:
         # the direction of break-away was a guess: a slow joint's friction may act with the motion
         found = _enumerate(query, _all_ways(query, {}, fewest=1), {}, held)
     return found
 
 
-def _in_ball(query: _Query, held: np.ndarray | None) -> Found | None:
+def _in_ball(query: _Query, held: np.ndarray | None) -> SearchOutcome | None:
     """Search an open chain among the answers that its kinetic answer allows; None: nothing proved.
 
     See `certificate`.
@@ -440,8 +454,8 @@ def _in_ball(query: _Query, held: np.ndarray | None) -> Found | None:
         return query.end(solutions, obeying)
 
     def follow() -> bool:
-        sub = _Query(limits, modes, mechanism, Count(), every=False)
-        found = _follow(sub, set()) == Found.SOLVED
+        sub = _Query(limits, modes, mechanism, SearchStatistics(), every=False)
+        found = _follow(sub, set()) == SearchOutcome.SOLVED
         query.count.tried += sub.count.tried
         return found
 
@@ -466,11 +480,11 @@ def _in_ball(query: _Query, held: np.ndarray | None) -> Found | None:
     if not ball.sure:
         return None
     query.every = False  # in given modes there is one solution
-    found = Found.NONE if ball.open.size else query.end(*query.answer())
-    if found != Found.SOLVED:
+    found = SearchOutcome.NONE if ball.open.size else query.end(*query.answer())
+    if found != SearchOutcome.SOLVED:
         found = _enumerate(query, (list(ways(sets)) for sets in ball.sets()), {}, held)
     query.every = True
-    return None if failed or found in (Found.NONE, Found.NOT_CONVERGED) else found
+    return None if failed or found in _NOTHING else found
 
 
 def _all_ways(query: _Query, forced: Ways, fewest: int = 0) -> Iterator[list[Ways]]:
@@ -482,7 +496,7 @@ def _all_ways(query: _Query, forced: Ways, fewest: int = 0) -> Iterator[list[Way
         yield [forced | more for more in possible.ways(others, level, forced)]
 
 
-def _pivot(query: _Query, forced: dict[int, float]) -> Found:
+def _pivot(query: _Query, forced: dict[int, float]) -> SearchOutcome:
     """Follow modes from all stick; the answer is the only one if none breaks away beside `forced`.
 
     It is then the one with the fewest slipping joints.
@@ -490,12 +504,12 @@ def _pivot(query: _Query, forced: dict[int, float]) -> Found:
     modes = query.modes
     _stick(modes, query.mechanism, forced)
     found = _follow(query, set(forced))
-    if found != Found.SOLVED and not forced and not modes.effort.size:
+    if found != SearchOutcome.SOLVED and not forced and not modes.effort.size:
         guess_modes(query.problem, modes, query.mechanism)
         modes.friction[:1], query.left = np.nan, MOST_PASSES
         found = _follow(query, set())
-    if found in (Found.NONE, Found.NOT_CONVERGED):
-        return Found.UNDECIDED  # there are modes that were not tried
+    if found in _NOTHING:
+        return SearchOutcome.UNDECIDED  # there are modes that were not tried
     moves = query.mechanism.joints(modes.at_rest & ~modes.stuck)
     forced_to = query.mechanism.joints(np.isin(np.arange(len(modes.stuck)), [*forced]))
     query.proved &= len(moves) <= len(forced_to)
@@ -521,26 +535,26 @@ def _agree(modes: Modes, mechanism: Mechanism, c: int) -> None:
 
 def _enumerate(
     query: _Query, levels: Iterable[list[Ways]], forced: Ways, held: np.ndarray | None
-) -> Found:
+) -> SearchOutcome:
     """Try ways to slip, those with the fewest joints beside the forced ones first.
 
     Where all answers of these are unstable, a joint that they let stick breaks away: more may slip.
     """
-    status, unstable = Found.NONE, list[Answer]()
+    status, unstable = SearchOutcome.NONE, list[Answer]()
     modes = query.modes
     for level in levels:
         consistent = list[Answer]()
         for ways in level:
             if query.left <= 0:
-                return Found.UNDECIDED
+                return SearchOutcome.UNDECIDED
             _stick(modes, query.mechanism, ways)
             query.count.tried += 1
             solutions, obeying = _settle(query)
-            status = Found.NOT_CONVERGED if solutions < 0 else status
+            status = SearchOutcome.NOT_CONVERGED if solutions < 0 else status
             answers = list(query.found)
             if obeying > 1 and all(_same(answers[0].modes, one.modes) for one in answers):
                 query.count.many = obeying, obeying
-                return Found.AMBIGUOUS
+                return SearchOutcome.AMBIGUOUS
             for answer in answers or [Answer(modes.copy())] * (obeying == 1):
                 if not any(_same(answer.modes, other.modes) for other in consistent):
                     consistent.append(answer)
@@ -586,14 +600,16 @@ def _same(one: Modes, other: Modes) -> bool:
     return bool(alike.any() and np.isfinite(pairs).all())
 
 
-def outcome(solutions: int, obeying: int) -> Found:
+def outcome(solutions: int, obeying: int) -> SearchOutcome:
     """Return how a search with a single candidate ends, from what `solve_modes` returns."""
     if solutions < 0:
-        return Found.NOT_CONVERGED
-    return (Found.NONE, Found.SOLVED, Found.AMBIGUOUS)[min(obeying, 2)]
+        return SearchOutcome.NOT_CONVERGED
+    return (SearchOutcome.NONE, SearchOutcome.SOLVED, SearchOutcome.AMBIGUOUS)[min(obeying, 2)]
 
 
-def solve_given(problem: Problem, modes: Modes, mechanism: Mechanism, count: Count) -> Found:
+def solve_given(
+    problem: Problem, modes: Modes, mechanism: Mechanism, count: SearchStatistics
+) -> SearchOutcome:
     """Solve the modes as they are; of several answers that gears leave the only stable one."""
     query, count.island = _Query(problem, modes, mechanism, count, every=False), count.island[:0]
     query.count.tried += 1
@@ -601,21 +617,21 @@ def solve_given(problem: Problem, modes: Modes, mechanism: Mechanism, count: Cou
 
 
 def _follow_or_search(
-    problem: Problem, modes: Modes, mechanism: Mechanism, count: Count, *search: Any
-) -> Found:
+    problem: Problem, modes: Modes, mechanism: Mechanism, count: SearchStatistics, *search: Any
+) -> SearchOutcome:
     """`search` of one island, from the modes given on."""
     start = modes.copy()
     found = _follow(_Query(problem, modes, mechanism, count, every=False), set())
-    if found != Found.SOLVED and mechanism.closed:
+    if found != SearchOutcome.SOLVED and mechanism.closed:
         modes.take(start)
         _stick(modes, mechanism, {})
         found = _follow(_Query(problem, modes, mechanism, count, every=False), set())
-    if found != Found.SOLVED and int(modes.at_rest.sum()) <= MOST_ENUMERATED:
+    if found != SearchOutcome.SOLVED and int(modes.at_rest.sum()) <= MOST_ENUMERATED:
         return _search(problem, modes, mechanism, count, *search)
     return found
 
 
-def _follow(query: _Query, fixed: set[int]) -> Found:
+def _follow(query: _Query, fixed: set[int]) -> SearchOutcome:
     """Find consistent modes by block pivoting with Murty's rule as a safeguard, `fixed` unchanged.
 
     All joints that violate their law change their mode at once; when this stops reducing their
@@ -626,7 +642,7 @@ def _follow(query: _Query, fixed: set[int]) -> Found:
     fewest, patience = len(modes.stuck) + 1, _PATIENCE
     for _ in range(_CHANGES + _FOR_EACH * len(modes.stuck)):
         if query.left <= 0:
-            return Found.UNDECIDED
+            return SearchOutcome.UNDECIDED
         query.count.tried += 1
         solutions, obeying = query.answer()
         if solutions <= 0:
@@ -637,7 +653,7 @@ def _follow(query: _Query, fixed: set[int]) -> Found:
             return query.end(solutions, max(obeying, 1))
         wrong = [int(c) for c in np.flatnonzero(modes.verdict) if c not in fixed]
         if not wrong:
-            return Found.NONE  # what must slip would not
+            return SearchOutcome.NONE  # what must slip would not
         patience = _PATIENCE if len(wrong) < fewest else patience - 1
         fewest = min(fewest, len(wrong))
         if patience < 0:
@@ -652,7 +668,7 @@ def _follow(query: _Query, fixed: set[int]) -> Found:
             modes.direction[c] = 0.0 if sticks else way
         for c in wrong:
             _agree(modes, mechanism, c)
-    return Found.NONE
+    return SearchOutcome.NONE
 
 
 def _turn_balls(modes: Modes, mechanism: Mechanism, slips: bool = False) -> float:

@@ -232,7 +232,9 @@ def test_choices_are_the_lines_that_fit_and_stable_if_their_matrix_is_positive(s
     A = np.eye(3) + train.inertia[:, None] * W[:3, :3]
     m.effort[:] = np.linalg.solve(A, train.u - train.inertia * (W @ force)[:3])
     m.rate[:] = W @ (force + train.S.T @ m.effort)
-    said = {tuple((t > 0).astype(int).tolist()): stable for t, stable in gears.choices(p, m)}
+    said = {
+        tuple((t > 0).astype(int).tolist()): stable for t, stable in gears.choices_of_lines(p, m)
+    }
     assert said == found
 
 
@@ -285,7 +287,7 @@ def test_an_effort_where_two_lines_meet_is_sought_on_both_but_for_rounding(right
     p, m = train.problem, train.modes
     p.mu_slip[:] = 0.0
     p.gear_rotor[0, 0] = right + train.way[0] * train.idle[0]  # u = I r + F(t), here r = t = 0
-    assert [np.sign(t) for (t,), _ in gears.choices(p, m)] == sides
+    assert [np.sign(t) for (t,), _ in gears.choices_of_lines(p, m)] == sides
 
 
 def test_a_line_that_leaves_the_rates_open_is_no_choice():
@@ -295,7 +297,9 @@ def test_a_line_that_leaves_the_rates_open_is_no_choice():
     train.problem.rate_slope[:] = np.diag([1 / 1.5, 1.0, 1.0, 1.0])
     train.problem.mu_slip[:] = 0.0
     train.modes.effort[:], train.modes.rate[:] = 1.0, 1.0
-    assert all(t * train.way[0] > 0 for (t,), _ in gears.choices(train.problem, train.modes))
+    assert all(
+        t * train.way[0] > 0 for (t,), _ in gears.choices_of_lines(train.problem, train.modes)
+    )
 
 
 @pytest.mark.parametrize("seed", range(4))

@@ -20,7 +20,7 @@ from pinfric.friction import search
 from pinfric.friction.certificate import Ball, kinetic
 from pinfric.friction.given_modes import judge
 from pinfric.friction.law import evaluate
-from pinfric.friction.problem import Found, Modes
+from pinfric.friction.problem import Modes, SearchOutcome
 from pinfric.friction.rest import Mechanism, solve_modes
 from pinfric.friction.search import PossibleWays
 
@@ -68,8 +68,13 @@ def test_the_search_finds_what_brute_force_finds(seed):
     m = Modes.of(4, len(p.ratio))
     m.at_rest[:], m.direction[:] = at_rest, 1.0
     status = search.search(p, m, a_tree(len(m.stuck)))
-    assert status == (Found.NONE, Found.SOLVED, Found.AMBIGUOUS)[min(len(expected), 2)]
-    if status == Found.SOLVED:
+    assert (
+        status
+        == (SearchOutcome.NONE, SearchOutcome.SOLVED, SearchOutcome.AMBIGUOUS)[
+            min(len(expected), 2)
+        ]
+    )
+    if status == SearchOutcome.SOLVED:
         np.testing.assert_array_equal(m.direction, expected[0][0])
         np.testing.assert_allclose(m.friction, expected[0][1], rtol=1e-7, atol=1e-8)
 
@@ -82,7 +87,7 @@ def test_the_random_problems_have_every_number_of_slipping_coordinates():
         p.rate_free[:] *= 0.1 if seed % 4 == 0 else 1.0
         m = Modes.of(4, 4)
         m.at_rest[:] = True
-        if search.search(p, m, a_tree(len(m.stuck))) == Found.SOLVED:
+        if search.search(p, m, a_tree(len(m.stuck))) == SearchOutcome.SOLVED:
             levels.add(int(np.count_nonzero(m.direction)))
     assert levels == {0, 1, 2, 3, 4}
 
@@ -92,7 +97,7 @@ def test_pivoting_beyond_eight_finds_consistent_modes(seed):
     p = random_problem(seed, nc=10, strength=0.03, static=1.0)
     m = Modes.of(10, 10)
     m.at_rest[:] = True
-    assert search.search(p, m, a_tree(len(m.stuck))) == Found.SOLVED
+    assert search.search(p, m, a_tree(len(m.stuck))) == SearchOutcome.SOLVED
     evaluate(p, m.friction, m.load, m.rate)
     assert judge(p, m) == 0
     if seed < 3:  # static = kinetic and weak coupling: the answer is the only one
@@ -131,10 +136,10 @@ def test_the_ball_of_all_answers_leaves_out_none(seed, monkeypatch):
     ends = []
     for limits in (kinetic, lambda *_: None):
         monkeypatch.setattr(search, "kinetic", limits)
-        m, count = Modes.of(6, 6), search.Count()
+        m, count = Modes.of(6, 6), search.SearchStatistics()
         m.at_rest[:] = True
         found = search.search(p, m, a_tree(6), count=count)
-        ends.append((found, m.direction.tolist() if found == Found.SOLVED else count.many))
+        ends.append((found, m.direction.tolist() if found == SearchOutcome.SOLVED else count.many))
     assert ends[0] == ends[1]
 
 
@@ -151,8 +156,13 @@ def test_what_only_loads_couple_is_searched_together(seed, monkeypatch):
     m = Modes.of(4, 4)
     m.at_rest[:] = True
     status = search.search(p, m, a_tree(4))
-    assert status == (Found.NONE, Found.SOLVED, Found.AMBIGUOUS)[min(len(expected), 2)]
-    if status == Found.SOLVED:
+    assert (
+        status
+        == (SearchOutcome.NONE, SearchOutcome.SOLVED, SearchOutcome.AMBIGUOUS)[
+            min(len(expected), 2)
+        ]
+    )
+    if status == SearchOutcome.SOLVED:
         np.testing.assert_allclose(m.friction, expected[0][1], rtol=1e-7, atol=1e-8)
 
 
@@ -168,7 +178,7 @@ def test_where_changing_all_at_once_turns_in_a_circle_the_solution_is_found(seed
     p.coulomb_stick[:] = p.coulomb_slip[:] = limit[:, None]
     m = Modes.of(10, 10)
     m.at_rest[:] = True
-    assert search.search(p, m, a_tree(10)) == Found.SOLVED
+    assert search.search(p, m, a_tree(10)) == SearchOutcome.SOLVED
     L = np.linalg.cholesky(S)
     least = lsq_linear(L.T, -np.linalg.solve(L, r), (-limit, limit), method="bvls", tol=1e-14)
     np.testing.assert_allclose(m.friction, least.x, atol=1e-6)
@@ -199,7 +209,7 @@ def test_a_ball_slips_against_the_effort_on_it(seed, monkeypatch):
         m = Modes.of(3, 3)
         m.at_rest[:] = True
         mechanism = Mechanism(True, A, np.zeros(3, int), ball, none, np.zeros(3))
-        assert search.search(p, m, mechanism) == Found.SOLVED
+        assert search.search(p, m, mechanism) == SearchOutcome.SOLVED
         g = 0.0
         if limit < held:
             g = brentq(
@@ -216,12 +226,12 @@ def test_what_is_forced_to_slip_slips_even_where_stick_is_admissible():
     p.rate_slope[:], p.rate_free[:], p.rate_scale[:] = 1.0, 1.0, 1.0  # exactly at the limit
     m = Modes.of(1, 1)
     m.at_rest[:] = True
-    assert search.search(p, m, a_tree(len(m.stuck))) == Found.SOLVED
+    assert search.search(p, m, a_tree(len(m.stuck))) == SearchOutcome.SOLVED
     assert m.stuck[0]
-    assert search.search(p, m, a_tree(len(m.stuck)), {0: 1.0}) == Found.SOLVED
+    assert search.search(p, m, a_tree(len(m.stuck)), {0: 1.0}) == SearchOutcome.SOLVED
     assert m.direction[0] == 1.0
     p.rate_free[:] = 0.5  # the slip would go backward
-    assert search.search(p, m, a_tree(len(m.stuck)), {0: 1.0}) == Found.NONE
+    assert search.search(p, m, a_tree(len(m.stuck)), {0: 1.0}) == SearchOutcome.NONE
 
 
 def test_what_was_sticking_decides_between_equally_few_slipping():
@@ -231,17 +241,19 @@ def test_what_was_sticking_decides_between_equally_few_slipping():
     assert choices == [[0, 0, -1], [0, 1, 0], [-1, 0, 0]]
     m = Modes.of(3, 3)
     m.at_rest[:] = True
-    assert search.search(p, m, a_tree(len(m.stuck))) == Found.AMBIGUOUS
+    assert search.search(p, m, a_tree(len(m.stuck))) == SearchOutcome.AMBIGUOUS
     assert (
         search.search(p, m, a_tree(len(m.stuck)), held=np.array([True, True, False]))
-        == Found.SOLVED
+        == SearchOutcome.SOLVED
     )
     assert m.direction.tolist() == [0, 0, -1]
     assert (
         search.search(p, m, a_tree(len(m.stuck)), held=np.array([True, False, False]))
-        == Found.AMBIGUOUS
+        == SearchOutcome.AMBIGUOUS
     )
-    assert search.search(p, m, a_tree(len(m.stuck)), held=np.ones(3, bool)) == Found.AMBIGUOUS
+    assert (
+        search.search(p, m, a_tree(len(m.stuck)), held=np.ones(3, bool)) == SearchOutcome.AMBIGUOUS
+    )
 
 
 def test_a_joint_at_its_dead_centre_moves_on_with_what_moves():
@@ -250,10 +262,10 @@ def test_a_joint_at_its_dead_centre_moves_on_with_what_moves():
     p.coulomb_slip[:] = p.coulomb_stick[:] = c
     A, none = np.array([[1.5, 0.0]]), np.zeros(2, bool)
     p.rate_slope[:], p.rate_free[:], p.rate_scale[:] = A.T @ A, (2.0, -0.5), (2.0, 0.5)
-    m, count = Modes.of(2, 2), search.Count()
+    m, count = Modes.of(2, 2), search.SearchStatistics()
     m.direction[0], m.at_rest[1] = 1.0, True
     crank = Mechanism(True, A, np.arange(2), none, np.array([False, True]), np.zeros(2))
-    assert search.search(p, m, crank, count=count) == Found.SOLVED
+    assert search.search(p, m, crank, count=count) == SearchOutcome.SOLVED
     assert count.tried == 1
     assert not m.at_rest.any()
     assert m.direction.tolist() == [1.0, -1.0]
@@ -270,7 +282,11 @@ def test_a_search_that_runs_out_of_passes_is_followed_to_a_solution_or_undecided
         m = Modes.of(7, 7)
         m.at_rest[:] = True
         ended.append((search.search(p, m, a_tree(7)), m.direction.tolist()))
-    assert [found for found, _ in ended] == [Found.UNDECIDED, Found.SOLVED, Found.SOLVED]
+    assert [found for found, _ in ended] == [
+        SearchOutcome.UNDECIDED,
+        SearchOutcome.SOLVED,
+        SearchOutcome.SOLVED,
+    ]
     assert ended[1][1] == ended[2][1]
     assert np.count_nonzero(ended[1][1]) > 1  # beyond what 8 passes enumerate
 
@@ -292,7 +308,7 @@ def test_an_answer_that_does_not_come_again_is_none(worth, monkeypatch):
         return worth
 
     monkeypatch.setattr(search, "solve_modes", settle)
-    assert search.search(p, m, mechanism) == Found.UNDECIDED
+    assert search.search(p, m, mechanism) == SearchOutcome.UNDECIDED
 
 
 def test_what_is_not_a_number_obeys_no_law():

@@ -19,7 +19,7 @@ from friction_cases import (
 from scipy.optimize import root
 
 from pinfric.friction import search
-from pinfric.friction.problem import Found, Modes, empty_problem
+from pinfric.friction.problem import Modes, SearchOutcome, empty_problem
 from pinfric.friction.rest import Mechanism
 from pinfric.friction.several import find_all
 
@@ -61,7 +61,12 @@ def test_no_solution_is_left_out_where_forces_lie_on_a_line(seed):
     )
     if solved(p, m.stuck, direction)[1].figures[0] >= 1.0:
         status = search.search(p, m, a_tree(2))
-        assert status == (Found.NONE, Found.SOLVED, Found.AMBIGUOUS)[min(len(expected), 2)]
+        assert (
+            status
+            == (SearchOutcome.NONE, SearchOutcome.SOLVED, SearchOutcome.AMBIGUOUS)[
+                min(len(expected), 2)
+            ]
+        )
 
 
 def accelerations(p):
@@ -93,8 +98,13 @@ def test_of_several_solutions_those_that_start_against_their_friction_count(seed
     m = Modes.of(2, 2)
     m.at_rest[:] = True
     status = search.search(p, m, a_tree(2))
-    assert status == (Found.NONE, Found.SOLVED, Found.AMBIGUOUS)[min(len(expected), 2)]
-    if status == Found.SOLVED:
+    assert (
+        status
+        == (SearchOutcome.NONE, SearchOutcome.SOLVED, SearchOutcome.AMBIGUOUS)[
+            min(len(expected), 2)
+        ]
+    )
+    if status == SearchOutcome.SOLVED:
         np.testing.assert_allclose(m.rate, expected[0], atol=1e-8)
         np.testing.assert_allclose(m.load, plain_loads(p, m.friction), rtol=1e-12)
 
@@ -123,10 +133,10 @@ def test_a_second_solution_far_from_the_first_makes_it_ambiguous(seed):
         )
     m = Modes.of(2, 2)
     m.direction[:] = direction
-    assert search.search(p, m, a_tree(2)) == Found.AMBIGUOUS
+    assert search.search(p, m, a_tree(2)) == SearchOutcome.AMBIGUOUS
     m = Modes.of(2, 2)  # a step of a motion goes on with the first that it finds
     m.direction[:] = direction
-    assert search.search(p, m, a_tree(2), follow=True) == Found.SOLVED
+    assert search.search(p, m, a_tree(2), follow=True) == SearchOutcome.SOLVED
 
 
 @pytest.mark.parametrize("seed", [613, 644, 1039])
@@ -142,8 +152,11 @@ def test_of_two_solutions_in_the_same_modes_those_that_move_so_count(seed):
         m = Modes.of(2, 2)
         m.at_rest[:] = True
         status = search.search(p, m, a_tree(2), dict(enumerate(direction)))
-        assert status == (Found.NONE, Found.SOLVED, Found.AMBIGUOUS)[len(expected)]
-        if status == Found.SOLVED:
+        assert (
+            status
+            == (SearchOutcome.NONE, SearchOutcome.SOLVED, SearchOutcome.AMBIGUOUS)[len(expected)]
+        )
+        if status == SearchOutcome.SOLVED:
             np.testing.assert_allclose(m.rate, expected[0], rtol=1e-6)
             np.testing.assert_allclose(m.load, plain_loads(p, m.friction), rtol=1e-12)
 
@@ -175,7 +188,7 @@ def test_a_search_for_all_solutions_that_ends_at_its_bound_is_undecided(seed, mo
     monkeypatch.setattr("pinfric.friction.several.MOST_PARTS", 2)
     found = find_all(p, m.stuck, m.direction, NO_GEARS)
     assert found.complete is False
-    assert search.search(p, m, a_tree(2)) == Found.UNDECIDED
+    assert search.search(p, m, a_tree(2)) == SearchOutcome.UNDECIDED
 
 
 @pytest.mark.parametrize("seed", [644, 1039])
@@ -198,10 +211,10 @@ def test_a_step_that_lets_all_stick_goes_on_with_the_first_of_several_too(seed):
     p.contact[-1, 0, 0], p.contact[-1, 3, 0] = 1.0, -2.0
     p.mu_slip[2] = p.mu_stick[2] = 1.0
     none, A = np.zeros(3, bool), np.linalg.cholesky(p.rate_slope).T
-    m, count = Modes.of(3, 3), search.Count()
+    m, count = Modes.of(3, 3), search.SearchStatistics()
     m.direction[:], m.at_rest[2] = [*direction, 1.0], True
     loop = Mechanism(True, A, np.arange(3), none, none, np.zeros(3))
-    assert search.search(p, m, loop, count=count, follow=True) == Found.SOLVED
+    assert search.search(p, m, loop, count=count, follow=True) == SearchOutcome.SOLVED
     assert m.stuck.tolist() == [False, False, True]
     assert m.friction[2] == pytest.approx(-0.1)
     every = find_all(two, np.zeros(2, bool), direction, NO_GEARS).solutions

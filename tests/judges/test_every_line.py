@@ -170,7 +170,7 @@ def test_where_no_gear_moves_there_is_one_choice_of_lines():
     ws = Workspace(hoist(LIGHT), motors=True)
     ws.assemble(np.zeros(1), np.zeros(1), np.zeros(1))
     ws.modes.stuck[:] = True
-    ((efforts, stable),) = gears_module.choices(ws.problem, ws.modes)
+    ((efforts, stable),) = gears_module.choices_of_lines(ws.problem, ws.modes)
     assert (efforts.shape, stable) == ((1,), True)
 
 

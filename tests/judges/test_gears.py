@@ -20,7 +20,7 @@ from pinfric.errors import (
     StateError,
     UndecidedAcceleration,
 )
-from pinfric.friction.problem import Found
+from pinfric.friction.problem import SearchOutcome
 from pinfric.model.friction_terms import CoulombFriction
 
 G = 9.81
@@ -240,10 +240,10 @@ def test_a_gear_that_may_jam_does_not_hide_how_the_search_ended():
     still, down = np.zeros(1), np.array([-0.1])
     ws.assemble(still, down, np.array([-0.2 * 98.1 - 1.0]))
     for found, kind in (
-        (Found.NONE, GearJam),
-        (Found.AMBIGUOUS, AmbiguousAcceleration),
-        (Found.UNDECIDED, UndecidedAcceleration),
-        (Found.NOT_CONVERGED, NoConsistentAcceleration),
+        (SearchOutcome.NONE, GearJam),
+        (SearchOutcome.AMBIGUOUS, AmbiguousAcceleration),
+        (SearchOutcome.UNDECIDED, UndecidedAcceleration),
+        (SearchOutcome.NOT_CONVERGED, NoConsistentAcceleration),
     ):
         error = ws.failures.failure(found, ws.state)
         assert type(error) is kind

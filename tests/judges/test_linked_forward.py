@@ -34,7 +34,7 @@ from pinfric.errors import (
     UndecidedAcceleration,
 )
 from pinfric.friction import search
-from pinfric.friction.problem import Found
+from pinfric.friction.problem import SearchOutcome
 from pinfric.friction.sharing import share
 
 MOVING = {
@@ -410,4 +410,4 @@ def test_a_search_that_comes_to_its_bound_says_so(monkeypatch):
 
 @pytest.mark.parametrize("count", [2, 3, 5])
 def test_however_many_solutions_obey_it_is_ambiguous(count):
-    assert search.outcome(count, count) == Found.AMBIGUOUS
+    assert search.outcome(count, count) == SearchOutcome.AMBIGUOUS

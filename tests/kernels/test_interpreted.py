@@ -13,7 +13,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 import pinfric as pf
-from pinfric.dynamics.forward.solver import make_sample, rub
+from pinfric.dynamics.forward.solver import finish_sample, make_sample
 from pinfric.dynamics.forward.workspace import Workspace
 from pinfric.kernels import interpreted
 from pinfric.kernels.compiled import compiling, kernel
@@ -128,10 +128,10 @@ def test_inverse_dynamics_of_one_state_can_be_interpreted(name):
     x = make_sample(Workspace(scene), scene)
     rng = np.random.default_rng(4)
     motion = rng.normal(size=(3, scene.model.nv))
-    supplier = Workspace(scene).supplier
-    supplier.balance(*motion)
-    x.chain.force[:], x.chain.h[:] = supplier.supply.force, supplier.supply.h
-    assert interpreted.plain(rub)(x, *motion)
+    pinocchio = Workspace(scene).pinocchio
+    pinocchio.balance(*motion)
+    x.chain.force[:], x.chain.h[:] = pinocchio.views.force, pinocchio.views.h
+    assert interpreted.plain(finish_sample)(x, *motion)
     rnea = pin.rnea(scene.model, scene.twin().model.createData(), x.q, x.v[0], x.a[0])
     found = x.found
     assert_allclose(found.effort_frictionless[0], rnea, rtol=1e-9, atol=1e-9)

@@ -15,7 +15,7 @@ import pinocchio as pin
 from pinfric.dynamics.derivatives.efforts import differentiate_accelerations, differentiate_efforts
 from pinfric.dynamics.derivatives.tables import Tables, make_tables, record_tables
 from pinfric.dynamics.inverse.undriven import check_shares
-from pinfric.dynamics.problem.machine import Machine, Supplier
+from pinfric.dynamics.problem.machine import Machine, Pinocchio
 from pinfric.dynamics.samples.reactions import (
     AppliedWrench,
     applied_wrenches,
@@ -110,23 +110,23 @@ class Differentiator:
 
     Attributes:
         tables: the results of the last call.
-        supplier: of Pinocchio's figures.
+        pinocchio: of Pinocchio's figures.
 
     Args:
         scene: an open chain.
-        supplier, machine: of a workspace of it; argument: the machine as kernels take it.
+        pinocchio, machine: of a workspace of it; argument: the machine as kernels take it.
     """
 
     def __init__(
-        self, scene: Scene, supplier: Supplier, machine: Machine, argument: Machine
+        self, scene: Scene, pinocchio: Pinocchio, machine: Machine, argument: Machine
     ) -> None:
         check_differentiable(scene)
         check_shares(scene)
-        self.scene, self.supplier, self._machine = scene, supplier, argument
+        self.scene, self.pinocchio, self._machine = scene, pinocchio, argument
         self._modes = machine.results.site_modes
-        self.tables: Tables = make_tables(scene, supplier.twin, machine)
+        self.tables: Tables = make_tables(scene, pinocchio.twin, machine)
         self._record = record_tables(self.tables)
-        x, nv = self.tables, supplier.twin.nv
+        x, nv = self.tables, pinocchio.twin.nv
         state = np.empty(scene.model.nq), np.empty(nv), np.empty(nv)
         compile_for(differentiate_efforts, self._machine, self._record, *state, 0.0)
         self._forward_is_compiled = False
@@ -168,7 +168,7 @@ class Differentiator:
             differentiate_efforts(*state, q, v, a, width)
         if self._guides:
             joints = self.tables.sites.joint
-            check_roll_moments(self.scene, self.supplier.supply.force[None, 1 + joints], 0)
+            check_roll_moments(self.scene, self.pinocchio.views.force[None, 1 + joints], 0)
         return self._inverse
 
     def of_solution(
@@ -206,6 +206,6 @@ class Differentiator:
         self, applied: Sequence[AppliedWrench], q: np.ndarray, v: np.ndarray, a: np.ndarray
     ) -> None:
         """Compute poses, inertias of all that joints carry, and wrenches."""
-        supplier = self.supplier
-        pin.crba(supplier.model, supplier.data, q, pin.Convention.WORLD)
-        supplier.balance(q, v, a, applied)
+        pinocchio = self.pinocchio
+        pin.crba(pinocchio.model, pinocchio.data, q, pin.Convention.WORLD)
+        pinocchio.balance(q, v, a, applied)

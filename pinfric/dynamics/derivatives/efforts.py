@@ -126,7 +126,7 @@ def _join_efforts(
     Args:
         modes: (ns,) of the sites; empty: by velocity.
     """
-    tree, R, p, nv = machine.tree, machine.supply.R, machine.supply.p, v.size
+    tree, R, p, nv = machine.tree, machine.pinocchio.R, machine.pinocchio.p, v.size
     first, column, sites, joint, total = (
         tree.first_freedom,
         tree.freedom_velocity,
@@ -134,7 +134,7 @@ def _join_efforts(
         x.joint,
         x.joint_change,
     )
-    joint[:], total[:], x.joint_kink[:] = machine.supply.h, 0.0, False
+    joint[:], total[:], x.joint_kink[:] = machine.pinocchio.h, 0.0, False
     for c in range(nv):
         total[0, c, 2 * nv + c] = tree.armature[c]
     for j in range(first.size - 1):
@@ -281,7 +281,7 @@ def differentiate_efforts(
     """Write efforts, torques of motors and their derivatives by q, v, a of a motion.
 
     Args:
-        machine: Pinocchio's figures of the motion (`Supplier.balance` after `crba`).
+        machine: Pinocchio's figures of the motion (`Pinocchio.balance` after `crba`).
         x: overwritten.
         q, v, a: (nq,), (nv,), (nv,).
         width: 0, or rad/s and m/s below which friction is smooth.

@@ -141,7 +141,7 @@ def _of_inertias(
     derived: Differentiator, q: np.ndarray, v: np.ndarray, a: np.ndarray
 ) -> tuple[list[str], np.ndarray]:
     """By the ten parameters of every link, payloads included."""
-    scene, x, twin = derived.scene, derived.tables, derived.supplier.twin
+    scene, x, twin = derived.scene, derived.tables, derived.pinocchio.twin
     if twin.opened is None:
         raise SceneError(f"{scene.source}: parameter_derivatives: too many joints for inertia")
     free = [one[0] for one in embedded(twin, q[None], v[None], a[None])]

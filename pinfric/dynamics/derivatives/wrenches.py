@@ -74,7 +74,7 @@ def to_world(R: np.ndarray, p: np.ndarray, i: int, a: Vector6) -> Vector6:
 @kernel
 def _write_links(machine: Machine, x: Tables) -> None:
     """Write V, A, F (moment first) and S of every joint in the world."""
-    k, twist, first = machine.supply, machine.tree.twist, machine.tree.first_freedom
+    k, twist, first = machine.pinocchio, machine.tree.twist, machine.tree.first_freedom
     R, p, V, A, F = k.R, k.p, k.velocity, k.acceleration, k.force
     velocity, acceleration, force, motion = x.velocity, x.acceleration, x.force, x.motion
     for i in range(1, first.size):
@@ -92,7 +92,7 @@ def _write_links(machine: Machine, x: Tables) -> None:
 @kernel
 def _add_drift(machine: Machine, x: Tables, to: int, j: int, i: int, factor: float) -> None:
     """Add to row `to` of B what all that joint j carries, moving as link i does, contributes."""
-    I, c, V, B = machine.supply.inertia, machine.supply.lever, x.velocity, x.drift  # noqa: E741
+    I, c, V, B = machine.pinocchio.inertia, machine.pinocchio.lever, x.velocity, x.drift  # noqa: E741
     at, w, m = (
         (c[1 + j, 0], c[1 + j, 1], c[1 + j, 2]),
         (V[i, 3], V[i, 4], V[i, 5]),
@@ -118,7 +118,7 @@ def _act(
 ) -> None:
     """Add Y_k a + B_k w to column c of joint k; of its own motion, with `lean`, to those below."""
     parent, B, W = machine.tree.parent, x.drift, x.wrench_change
-    f = carry(machine.tree, machine.supply, k, a)
+    f = carry(machine.tree, machine.pinocchio, k, a)
     for e in range(6):
         change = f[e] + B[k, e, 0] * w[0] + B[k, e, 1] * w[1] + B[k, e, 2] * w[2]
         W[k, e, c] += change
@@ -132,7 +132,7 @@ def _act(
 def _write_changes(machine: Machine, x: Tables) -> None:
     """Write dw of every joint by the q, v and a of every freedom."""
     parent, first = machine.tree.parent, machine.tree.first_freedom
-    column, nv = machine.tree.freedom_velocity, machine.supply.h.size
+    column, nv = machine.tree.freedom_velocity, machine.pinocchio.h.size
     x.drift[:] = 0.0
     x.wrench_change[:] = 0.0
     for j in range(parent.size - 1, -1, -1):  # parents come before their children
@@ -172,7 +172,12 @@ def _write_loads(machine: Machine, x: Tables, q: np.ndarray) -> None:
     """Write load, its gradient g in the child's frame and in the world, of every site."""
     joint, contacts = x.sites.joint, x.sites.contacts
     site, rank, still, moved = contacts.site, contacts.rank, contacts.map, contacts.map_moved
-    t, F, R, p = machine.plan.sites, machine.supply.force, machine.supply.R, machine.supply.p
+    t, F, R, p = (
+        machine.plan.sites,
+        machine.pinocchio.force,
+        machine.pinocchio.R,
+        machine.pinocchio.p,
+    )
     of_q, scale, shift = t.displacement_q, t.displacement_ratio, t.displacement_shift
     load, gradient, contact, maps, by_place = x.load, x.gradient, x.contact, x.maps, x.by_place
     load[:], gradient[:], by_place[:], x.sharp[:] = contacts.constant, 0.0, 0.0, False
@@ -211,7 +216,7 @@ def differentiate_wrenches(machine: Machine, x: Tables, q: np.ndarray) -> None:
     """Write x.wrench_change, and the loads with their gradients.
 
     Args:
-        machine: Pinocchio's figures of the motion (`Supplier.balance` after `crba`).
+        machine: Pinocchio's figures of the motion (`Pinocchio.balance` after `crba`).
         x: overwritten.
         q: (nq,).
     """

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pinfric.dynamics.problem.accelerations import is_exact, measure_rates, relate
-from pinfric.dynamics.problem.machine import Machine, Supplier
+from pinfric.dynamics.problem.machine import Machine, Pinocchio
 from pinfric.kernels.compiled import KernelArgument
 from pinfric.model.closure import RANK, close
 from pinfric.model.loops import Linkage, no_linkage, stand_still
@@ -41,11 +41,13 @@ class Constraints:
         standing: coordinates that `project` fixes, see `hold_position`; None in an open chain.
     """
 
-    def __init__(self, scene: Scene, supplier: Supplier, argument: KernelArgument[Machine]) -> None:
+    def __init__(
+        self, scene: Scene, pinocchio: Pinocchio, argument: KernelArgument[Machine]
+    ) -> None:
         self._plan = argument.given.plan
         self.closed, self.off_joints = bool(self._plan.closure.dependent), self._plan.off_joints
-        self._supplier, self._argument = supplier, argument
-        self._twin, self._nv = supplier.twin, supplier.twin.nv
+        self._pinocchio, self._argument = pinocchio, argument
+        self._twin, self._nv = pinocchio.twin, pinocchio.twin.nv
         self._kinematics = argument.given.kinematics
         self.standing: Standing | None = None
         self._linkage = scene.linkage
@@ -61,7 +63,7 @@ class Constraints:
         """Return the relative velocity of every coordinate (nc,) at q (nq,), v (nv,)."""
         if self.off_joints:
             v = np.ascontiguousarray(v)
-            self._supplier.move(np.ascontiguousarray(q), v)
+            self._pinocchio.move(np.ascontiguousarray(q), v)
             measure_rates(self._argument.now, v)
             return self._kinematics.coordinate_rate.copy()
         return np.asarray(v[self._plan.coordinates.velocity_index])
@@ -88,7 +90,7 @@ class Constraints:
         if self.standing is None or (self.standing.coordinates == stuck).all():
             return q
         q = self._close(q, stuck)
-        self._supplier.move(q, np.zeros(self._nv))
+        self._pinocchio.move(q, np.zeros(self._nv))
         self._hold(stuck)
         self._last = self._last[0], self.standing
         return q
@@ -99,7 +101,7 @@ class Constraints:
         assert self.standing is not None
         action = self._plan.coordinates.action[coordinates]
         linkage = stand_still(
-            self._linkage, self.standing.linkage, action[action >= 0], self._supplier.data.oMi
+            self._linkage, self.standing.linkage, action[action >= 0], self._pinocchio.data.oMi
         )
         self.standing = Standing(coordinates.copy(), linkage)
 
@@ -121,7 +123,7 @@ class Constraints:
     def _relate(self, q: np.ndarray, v: np.ndarray) -> None:
         """Write rates, J and D of a state."""
         q, v = np.ascontiguousarray(q), np.ascontiguousarray(v)
-        self._supplier.move(q, v)
+        self._pinocchio.move(q, v)
         relate(self._argument.now, v)
 
     def _stopped(self, v: np.ndarray, stopped: np.ndarray) -> np.ndarray:

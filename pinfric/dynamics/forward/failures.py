@@ -22,8 +22,8 @@ from pinfric.errors import (
     UndecidedAcceleration,
 )
 from pinfric.friction.gears import jam
-from pinfric.friction.problem import Found
-from pinfric.friction.search import MOST_ENUMERATED, MOST_PASSES, Count
+from pinfric.friction.problem import SearchOutcome
+from pinfric.friction.search import MOST_ENUMERATED, MOST_PASSES, SearchStatistics
 from pinfric.model.closure import velocity_names
 from pinfric.model.mobility import lightest_joint
 from pinfric.model.scene import Scene
@@ -36,7 +36,7 @@ State = tuple[np.ndarray, np.ndarray, np.ndarray, list[AppliedWrench] | None, fl
 class Failures:
     """The errors of a workspace's scene."""
 
-    def __init__(self, scene: Scene, machine: Machine, given: str, count: Count) -> None:
+    def __init__(self, scene: Scene, machine: Machine, given: str, count: SearchStatistics) -> None:
         """Take the scene, its tables and buffers; `given` is "effort" or "motor_torque"."""
         self._scene, self._machine, self._given = scene, machine, given
         self._count = count
@@ -103,16 +103,16 @@ class Failures:
         rows = k.J[0, closure.off_joint : closure.off_joint + closure.multipliers]
         return lightest_joint(self._scene.model, self._machine.maps.M, rows)
 
-    def failure(self, found: Found, state: State) -> AccelerationError:
+    def failure(self, found: SearchOutcome, state: State) -> AccelerationError:
         """Return the error with the reason and the joint for which no acceleration was found."""
         jammed = self._jam(found, state)
-        if jammed and found in (Found.NONE, Found.UNSTABLE):
+        if jammed and found in (SearchOutcome.NONE, SearchOutcome.UNSTABLE):
             return jammed
         contraction, (modes, names) = self._modes.figures[0], self._resting()
         finding: type[AccelerationError] = NoConsistentAcceleration
         (many, stable), tried = self._count.many, self._count.tried
         counted = f"{many} in {tried} mode{'s' * (tried != 1)} tried{modes}"
-        if many and found == Found.UNDECIDED:
+        if many and found == SearchOutcome.UNDECIDED:
             counted += ", others are not ruled out"
         reason = f"{counted}; neither sticking nor slipping either way is consistent"
         if contraction >= 1.0:
@@ -121,7 +121,7 @@ class Failures:
                 f"{contraction:.4g}); below 1 there would be one: less friction, smaller radii or "
                 "more inertia"
             )
-        if found == Found.AMBIGUOUS:
+        if found == SearchOutcome.AMBIGUOUS:
             finding = AmbiguousAcceleration
             if many > 1 and stable != many:
                 reason = f"{counted}, {stable or 'none'} of them stable"
@@ -131,9 +131,9 @@ class Failures:
                     "away and the others hold, or another set of as many; the motion before this "
                     "state, or method 'timestepping' of simulate, would decide"
                 )
-        elif found == Found.NOT_CONVERGED:
+        elif found == SearchOutcome.NOT_CONVERGED:
             reason = f"the coupled solve does not reach its tolerance (contraction {contraction})"
-        elif found == Found.UNDECIDED:
+        elif found == SearchOutcome.UNDECIDED:
             finding = UndecidedAcceleration
             if self._count.unsure:
                 reason = (
@@ -182,7 +182,7 @@ class Failures:
         ratio = self._plan.drives.gears.ratio if self._given == "motor_torque" else 1.0
         return state[0].copy(), state[1].copy(), state[2] / ratio
 
-    def _jam(self, found: Found, state: State) -> GearJam | None:
+    def _jam(self, found: SearchOutcome, state: State) -> GearJam | None:
         """The error for moving self-locking gears without an answer, or a single stable one."""
         m, drives = self._modes, self._plan.drives
         kept = m.stuck.copy()
@@ -205,9 +205,9 @@ class Failures:
         )
         if drives.gears.rotor_inertia[d] == 0.0:
             reason = f"its rotor has no inertia; {reason}"
-        if found == Found.UNSTABLE:
+        if found == SearchOutcome.UNSTABLE:
             reason = f"the one acceleration that obeys its law is unstable; {reason}"
-        elif found == Found.NONE:
+        elif found == SearchOutcome.NONE:
             tried = self._count.tried
             reason = f"no acceleration obeys its law ({tried} modes tried); {reason}"
         return GearJam(

@@ -30,13 +30,13 @@ class Margins:
         for ball in self._mechanism.balls:
             size, most = np.linalg.norm(x[ball]), limits.most[ball]
             out[:, ball] = most + size, most - size
-        p, worms = self._machine.problem, dict[int, tuple[float, float]]()
+        p, locking_gears = self._machine.problem, dict[int, tuple[float, float]]()
         for g in np.flatnonzero(p.gear_lines[..., 0].min(axis=(1, 2)) <= 0.0):
             c = int(p.gear_coordinate[g])
             if self._modes.stuck[c]:  # of several on one joint the one that holds best
                 ends = gear_margins(p, self._modes, g)
-                worms[c] = max(worms.get(c, ends), ends, key=min)
-        for c, (backward, forward) in worms.items():
+                locking_gears[c] = max(locking_gears.get(c, ends), ends, key=min)
+        for c, (backward, forward) in locking_gears.items():
             out[:, c] = forward, backward
         return np.minimum(out, _MOST_MARGIN)
 

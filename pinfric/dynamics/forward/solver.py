@@ -154,7 +154,7 @@ box_sample = record(Sample)
 
 
 @kernel
-def is_usual(x: Sample) -> bool:
+def is_valid(x: Sample) -> bool:
     """Return whether q, v, a are finite and not impossibly large, and q is on its manifold."""
     for i in range(x.q.size):
         if not abs(x.q[i]) <= LARGEST_OF_A_MOTION:
@@ -167,14 +167,14 @@ def is_usual(x: Sample) -> bool:
 
 
 @kernel
-def rub(x: Sample, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> bool:
+def finish_sample(x: Sample, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> bool:
     """Write loads, friction, efforts and motor torques of the last motion that RNEA computed.
 
     Args:
         x: q (nq,), v and a (nv,) of the motion are kept in it.
 
     Returns:
-        False if the state is invalid (`is_usual`), an effort overflows, or the motion may need one
+        False if the state is invalid (`is_valid`), an effort overflows, or the motion may need one
         where no drive is.
     """
     found, chain, wrench = x.found, x.chain, x.wrench  # arrays of a record are counted every time
@@ -208,7 +208,7 @@ def rub(x: Sample, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> bool:
     for d in range(lower.size):
         finite &= abs(lower[0, d] + upper[0, d]) < np.inf
         finite &= abs(motor_lower[0, d] + motor_upper[0, d]) < np.inf
-    return finite and is_usual(x)
+    return finite and is_valid(x)
 
 
 def make_sample(ws: Workspace, scene: Scene) -> Sample:
@@ -291,7 +291,7 @@ def compensated_states(
     x, rows, still = compensated_sample(ws, scene), _DEFAULT.table(scene), np.zeros(ws.nv)
     flags, found = _FLAGS[False, False, False], np.empty((len(q), len(scene.drives)))
     for state, out in zip(zip(q, v, a, strict=True), found, strict=True):
-        ws.supplier.balance(*state)
+        ws.pinocchio.balance(*state)
         compensate_sample(x, *state, state[1], still, still, flags, rows, out)
     return list(found)
 
@@ -380,7 +380,7 @@ class Solver:
         rehearse(Workspace(self.scene, self._carried))
         ws, x = self._own.both
         if x is not None:
-            compile_for(rub, x.argument, x.q, x.v, x.a)
+            compile_for(finish_sample, x.argument, x.q, x.v, x.a)
             for name in self.scene.joint_names[-1:]:
                 self._balance(ws, x.q, x.v, x.a, {name: np.zeros(6)})
             return
@@ -449,11 +449,11 @@ class Solver:
         q = vector("q", q, ws.nq, "nq", self.scene.model)
         v, a = vector("v", v, ws.nv, "nv"), vector("a", a, ws.nv, "nv")
         self._balance(ws, q, v, a, external)
-        while not rub(x.argument, q, v, a):
+        while not finish_sample(x.argument, q, v, a):
             if self.scene.mobility.undriven:  # says what is wrong, or that it is rounding
                 applied = [] if external is None else applied_wrenches(self.scene, external, 1)
                 return self._inverse_of_batch(q, v, a, applied)
-            q = self._mend(x)
+            q = self._normalize(x)
             self._balance(ws, q, v, a, external)
         ws.failures.check_roll_moments(x.found.wrench)
         return x.found
@@ -466,8 +466,8 @@ class Solver:
         a: np.ndarray,
         external: Mapping[str, np.ndarray] | None,
     ) -> None:
-        """Compute wrenches and efforts without friction, see `Supplier.balance`."""
-        ws.supplier.balance(q, v, a)
+        """Compute wrenches and efforts without friction, see `Pinocchio.balance`."""
+        ws.pinocchio.balance(q, v, a)
         if external is None:
             return
         if not isinstance(external, Mapping):
@@ -480,7 +480,7 @@ class Solver:
             if type(given) is not np.ndarray or given.shape != (6,):
                 applied_wrenches(self.scene, external, 1)  # refuses it
             wrench[k] = given
-        if not ws.supplier.relieve(row, action, wrench):
+        if not ws.pinocchio.relieve(row, action, wrench):
             applied_wrenches(self.scene, external, 1)
 
     def _add_frames(self, names: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray]:
@@ -503,8 +503,8 @@ class Solver:
         found = solve(self.scene, states, applied, slice(0, 1), 1)
         if found.wrench is None:  # nothing depends on reactions, and nothing is applied
             ws, _ = self._own.both
-            ws.supplier.balance(states.q[0], states.v[0], states.a[0])
-            wrench = ws.supplier.supply.force[1 + ws.plan.sites.joint]
+            ws.pinocchio.balance(states.q[0], states.v[0], states.a[0])
+            wrench = ws.pinocchio.views.force[1 + ws.plan.sites.joint]
             found = replace(found, wrench=wrench[None])
         figures = {name: getattr(found, name)[0] for name in InverseInstant._fields[:-2]}
         ratio = np.array([drive.ratio for drive in self.scene.drives])
@@ -641,7 +641,7 @@ class Solver:
         """
         with compiling():
             ws = Workspace(self.scene, self._carried)
-            derived = Differentiator(self.scene, ws.supplier, ws.machine, ws.argument)
+            derived = Differentiator(self.scene, ws.pinocchio, ws.machine, ws.argument)
         return Smoothed(derived, width)
 
     def _workspace(self, motors: bool) -> Workspace:
@@ -658,7 +658,7 @@ class Solver:
         if motors not in made:
             ws = self._workspace(motors)
             with compiling():
-                made[motors] = Differentiator(self.scene, ws.supplier, ws.machine, ws.argument)
+                made[motors] = Differentiator(self.scene, ws.pinocchio, ws.machine, ws.argument)
         return made[motors]
 
     def compensate(
@@ -801,7 +801,7 @@ class Solver:
         self._own.compensated = x
         return x
 
-    def _mend(self, x: _Sample) -> np.ndarray:
+    def _normalize(self, x: _Sample) -> np.ndarray:
         """Return q (nq,) on its manifold, or raise the error of the state or of its solution."""
         q, found = States.of(self.scene, x.q, x.v, x.a).q[0], x.whole.found
         if np.array_equal(q, x.q):

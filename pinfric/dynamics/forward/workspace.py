@@ -26,7 +26,7 @@ from pinfric.dynamics.problem.instant import (
     finish,
     solve_instant,
 )
-from pinfric.dynamics.problem.machine import Machine, Supplier, make_machine
+from pinfric.dynamics.problem.machine import Machine, Pinocchio, make_machine
 from pinfric.dynamics.problem.plan import kept_plan
 from pinfric.dynamics.problem.sliding import deliver, slide_freely
 from pinfric.dynamics.samples.reactions import AppliedWrench
@@ -39,9 +39,9 @@ from pinfric.friction.gears import bind, fit, gear_margins, hold_chosen, is_cert
 from pinfric.friction.given_modes import judge, reduce_problem, try_modes
 from pinfric.friction.law import add_load_slopes, evaluate, stick_limits
 from pinfric.friction.minimax import least_violation
-from pinfric.friction.problem import Found, GivenModes, Modes, Problem
+from pinfric.friction.problem import GivenModes, Modes, Problem, SearchOutcome
 from pinfric.friction.rest import Mechanism, solve_modes
-from pinfric.friction.search import Count, search, solve_given
+from pinfric.friction.search import SearchStatistics, search, solve_given
 from pinfric.kernels.compiled import KernelArgument, compile_for, compiling
 from pinfric.model.closure import guesses
 from pinfric.model.drives import slope_range
@@ -97,10 +97,10 @@ class Workspace:
         self.plan = t = kept.given
         coordinates, drives = t.coordinates, t.drives
         self.must_project = scene.linkage is not None or self.nq != self.nv
-        self.supplier = Supplier(self.twin)
+        self.pinocchio = Pinocchio(self.twin)
         self.closed = t.closure.dependent
         self.held = np.flatnonzero(massless(scene, attached))
-        self.machine = m = make_machine(self.twin, t, self.supplier.supply)
+        self.machine = m = make_machine(self.twin, t, self.pinocchio.views)
         m.tree.armature[self.held] += 1.0  # M has nothing else in their rows and columns
         self._argument = KernelArgument(m, kept)
         self.problem, self.modes = m.problem, m.modes
@@ -124,7 +124,7 @@ class Workspace:
         self.places += [(scene.drives[of.index(c)].name, c, False) for c in self._alone.tolist()]
         self._tau, self._free = m.scratch.given, self._free_model()
         self.state: State
-        self.count = Count()
+        self.count = SearchStatistics()
         self.failures = Failures(scene, m, self.given, self.count)
         self.renew()
 
@@ -150,7 +150,7 @@ class Workspace:
         self.mechanism = Mechanism(
             self.closed, maps.factor, coordinates.block, coordinates.ball, maps.idle, way
         )
-        self.constraints = Constraints(self.scene, self.supplier, self._argument)
+        self.constraints = Constraints(self.scene, self.pinocchio, self._argument)
         self.margins = Margins(self.machine, self.mechanism)
 
     @property
@@ -174,12 +174,12 @@ class Workspace:
 
         There is if no load changes friction, and every drive moves one velocity of an open chain.
         """
-        t, drives, supplier = self.plan, self.plan.drives, self.supplier
+        t, drives, pinocchio = self.plan, self.plan.drives, self.pinocchio
         coupled = self.closed or t.contacts.owner.size or t.sites.guides.size or t.off_joints
         alone = (drives.velocity_index >= 0) & (drives.action < 0)
         alone &= (drives.rate_row != 0.0).sum(axis=1) == 1
-        mimic = any("Mimic" in joint.shortname() for joint in supplier.model.joints)
-        odd = self._locks or self.held.size or t.coordinates.ball.any() or supplier.copies
+        mimic = any("Mimic" in joint.shortname() for joint in pinocchio.model.joints)
+        odd = self._locks or self.held.size or t.coordinates.ball.any() or pinocchio.copies
         odd = odd or self.twin.springs is not None  # ABA would not know them
         self.forces: Any = None
         self.views: tuple[Any, ...] = ()
@@ -187,9 +187,9 @@ class Workspace:
             return None
         row = 1 + t.sites.joint
         gaps = not row.size or (np.diff(row) != 1).any()
-        self._taken, force = row if gaps else None, supplier.supply.force
+        self._taken, force = row if gaps else None, pinocchio.views.force
         self.forces = np.empty((row.size, 6)) if gaps else force[row[0] : row[-1] + 1]
-        model = supplier.model.copy()  # its armature is that of the lines that gears are on
+        model = pinocchio.model.copy()  # its armature is that of the lines that gears are on
         self._armature = model.armature if self.given == "motor_torque" else None
         return model
 
@@ -213,7 +213,7 @@ class Workspace:
                 return False
             if armature is not None:
                 armature[:] = self.machine.maps.push
-            a = pin.aba(self._free, self.supplier.data, q, v, self._tau)
+            a = pin.aba(self._free, self.pinocchio.data, q, v, self._tau)
             if not hypot(*a.tolist()) < _FASTEST:
                 return False
             if armature is None or deliver(machine, a):
@@ -221,7 +221,7 @@ class Workspace:
             tries += 1
         self.a = a
         if self._taken is not None:
-            np.take(self.supplier.supply.force, self._taken, 0, self.forces)
+            np.take(self.pinocchio.views.force, self._taken, 0, self.forces)
         if self.wrench is not self.forces:  # the first of several
             self.wrench = self.forces
             self.count.many, self.count.tried = (1, 1), 1
@@ -266,8 +266,8 @@ class Workspace:
         tries = resting or several or self._geared
         if tries:
             self._forget()
-        found = self.search() if tries else self.count.single(solutions, obeying)
-        if found != Found.SOLVED:
+        found = self.search() if tries else self.count.of_one_mode(solutions, obeying)
+        if found != SearchOutcome.SOLVED:
             raise self.failures.failure(found, self.state)
         self.finish()
 
@@ -284,7 +284,7 @@ class Workspace:
         """
         if not self.held.size:
             return
-        rounding = _ROUNDING * max(1.0, float(np.abs(self.supplier.supply.h).max()))
+        rounding = _ROUNDING * max(1.0, float(np.abs(self.pinocchio.views.h).max()))
         if (moves := self.held[np.abs(a[self.held]) > rounding]).size:
             raise SceneError(self.failures.pushed(moves))
         a[self.held] = 0.0
@@ -315,12 +315,12 @@ class Workspace:
         solutions, obeying, resting = self._run(q, v, effort, applied, turned)
         if obeying == 1 and resting >= 0 and self.is_sure():
             return
-        found = self.count.single(solutions, obeying)
+        found = self.count.of_one_mode(solutions, obeying)
         if resting < 0 or self._geared:
             found = solve_given(self.problem, self.modes, self.mechanism, self.count)
-            if found == Found.SOLVED:
+            if found == SearchOutcome.SOLVED:
                 self.finish()
-        if found != Found.SOLVED:
+        if found != SearchOutcome.SOLVED:
             raise self.failures.failure(found, self.state)
         self._kept = self._key(q, v, effort, applied) if self.locked else None
 
@@ -347,7 +347,7 @@ class Workspace:
             self.a, self.wrench = self.machine.results.a, self.machine.results.wrench
         if choice != UNSOLVED:
             self.count.many, self.count.tried, self.locked = (1, 1), 1, False
-        self.supplier.at(q, v, applied)
+        self.pinocchio.at(q, v, applied)
         refused, solutions, obeying, resting = solve_instant(
             self.argument, q, v, effort, step, choice
         )
@@ -380,10 +380,10 @@ class Workspace:
 
     def search(
         self, forced: Mapping[int, float] | None = None, held: np.ndarray | None = None
-    ) -> Found:
+    ) -> SearchOutcome:
         """Search the modes of what is at rest; see `friction/search.py`."""
         found = search(self.problem, self.modes, self.mechanism, forced, held, self.count)
-        if found == Found.SOLVED and self.closed:
+        if found == SearchOutcome.SOLVED and self.closed:
             self._leave_dead_centres()
         return found
 
@@ -416,7 +416,7 @@ class Workspace:
             m.take(kept)
             solve_modes(self.problem, m, self.mechanism)
 
-    def search_step(self) -> Found:
+    def search_step(self) -> SearchOutcome:
         """Search the modes at the end of a time step, from those in `modes`, else all of them."""
         return search(self.problem, self.modes, self.mechanism, count=self.count, follow=True)
 

@@ -6,7 +6,7 @@
 rows. Full pivoting, the paper's choice, finds its rank. A rank below the number of rows means a
 toggle, where drives cannot balance the load. A rank below the number of columns means redundant
 drives, which share the work so that the sum of u^2 / share is least, and redundant closures
-(`wrenches.share`).
+(`wrenches.share_load`).
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from pinfric.dynamics.problem.wrenches import (
     add_friction,
     add_products,
     add_reactions,
-    share,
+    share_load,
     write_contacts,
 )
 from pinfric.friction.dense import affine, solve_balance
@@ -156,7 +156,7 @@ def share_work(
             for v in range(J.shape[1]):
                 for c in range(ny if t.delivery[d, v] != 0.0 else 0):
                     along[d, f] -= t.delivery[d, v] * J[c, v] * free[c, f]
-    return share(effort, along, t.cost, free, y, left) == t.shifts
+    return share_load(effort, along, t.cost, free, y, left) == t.shifts
 
 
 @kernel

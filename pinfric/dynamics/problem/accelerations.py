@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pinfric.dynamics.problem.machine import Machine, Supply, Tree
+from pinfric.dynamics.problem.machine import Machine, PinocchioData, Tree
 from pinfric.dynamics.problem.plan import Coordinates
 from pinfric.friction.dense import affine, factorize, solve_balance
 from pinfric.kernels.compiled import kernel
@@ -31,7 +31,7 @@ Vector6 = tuple[float, float, float, float, float, float]
 
 
 @kernel
-def carry(tree: Tree, k: Supply, j: int, s: Vector6) -> Vector6:
+def carry(tree: Tree, k: PinocchioData, j: int, s: Vector6) -> Vector6:
     """Return the momentum of what joint j carries if it moves by s, about the world's origin."""
     m, x, y, z = tree.mass[j], k.lever[1 + j, 0], k.lever[1 + j, 1], k.lever[1 + j, 2]
     vx, vy, vz, wx, wy, wz = s
@@ -51,7 +51,7 @@ def carry(tree: Tree, k: Supply, j: int, s: Vector6) -> Vector6:
 @kernel
 def _move_freedoms(machine: Machine) -> None:
     """Write motion and momentum of every freedom."""
-    tree, k = machine.tree, machine.supply
+    tree, k = machine.tree, machine.pinocchio
     R, p, S, A = k.R[1:], k.p[1:], machine.kinematics.motion, machine.kinematics.momentum
     twist, first = tree.twist, tree.first_freedom
     for j in range(tree.parent.size):
@@ -97,18 +97,18 @@ def write_mass_matrix(machine: Machine) -> None:
 @kernel
 def _relate_frames(machine: Machine) -> None:
     """Write how the frames of all pairs are related, at a = 0."""
-    supply, k, gravity = machine.supply, machine.kinematics, machine.tree.gravity
+    data, k, gravity = machine.pinocchio, machine.kinematics, machine.tree.gravity
     R, p, velocity, acceleration = k.R, k.p, k.velocity, k.acceleration
-    v, a = supply.velocity[1:], supply.acceleration[1:]
+    v, a = data.velocity[1:], data.acceleration[1:]
     moves = 0.0  # at rest nothing accelerates: gravity would leave its rounding
     for j in range(R.shape[1]):
         for r in range(6):
             moves += abs(v[j, r])
     for j in range(R.shape[1]):
         for r in range(3):
-            p[0, j, r] = supply.p[1 + j, r]
+            p[0, j, r] = data.p[1 + j, r]
             for c in range(3):
-                R[0, j, r, c] = supply.R[1 + j, r, c]
+                R[0, j, r, c] = data.R[1 + j, r, c]
         # spatial accelerations become those of the frame's origin
         ax = a[j, 0] + v[j, 4] * v[j, 2] - v[j, 5] * v[j, 1]
         ay = a[j, 1] + v[j, 5] * v[j, 0] - v[j, 3] * v[j, 2]
@@ -488,9 +488,9 @@ def _write_problem_rates(machine: Machine, v: np.ndarray, step: float) -> None:
     rate_slope[:] = 0.0
     for f in range(d):
         for c in range(nc):
-            share = factor[f, c]
-            for e in range(c + 1 if share != 0.0 else 0):
-                rate_slope[c, e] += share * factor[f, e]
+            along = factor[f, c]
+            for e in range(c + 1 if along != 0.0 else 0):
+                rate_slope[c, e] += along * factor[f, e]
     for c in range(nc):
         for e in range(c):
             rate_slope[e, c] = rate_slope[c, e]
@@ -507,16 +507,16 @@ def _find_dead_centres(machine: Machine, dead: np.ndarray) -> None:
         for f in range(d):
             most = max(most, abs(Z[i, f]))
     for c in range(nc):
-        share, size = 0.0, size_of[c]
+        speed, size = 0.0, size_of[c]
         for f in range(d):
             total = 0.0
             for i in range(nv):
                 total += D[c, i] * Z[i, f]
-            share = max(share, abs(total))
+            speed = max(speed, abs(total))
         for i in range(nv):
             size = max(size, abs(D[c, i]))
-        maps.idle[c] = share <= _IDLE * size * most
-        dead[c] = share <= _DEAD * size * most
+        maps.idle[c] = speed <= _IDLE * size * most
+        dead[c] = speed <= _DEAD * size * most
         if dead[c]:
             for f in range(d):
                 factor[f, c] = 0.0
@@ -582,7 +582,7 @@ def write_accelerations(
     t, maps = machine.plan.closure, machine.maps
     M, h, given, terms, push = (
         maps.M,
-        machine.supply.h,
+        machine.pinocchio.h,
         machine.scratch.given,
         maps.push_terms,
         maps.push,

@@ -35,7 +35,7 @@ _EPS = float(np.finfo(float).eps)
 
 
 @kernel
-def _face(machine: Machine) -> int:
+def _set_modes_from_velocities(machine: Machine) -> int:
     """Set the modes that velocities fix and stick everything at rest; return how many are.
 
     At zero speed a ball without dry friction keeps its direction; anything else has none.
@@ -57,7 +57,7 @@ def _face(machine: Machine) -> int:
 
 
 @kernel
-def _turn(machine: Machine, balls: bool) -> None:
+def _update_directions(machine: Machine, balls: bool) -> None:
     """Point the friction of coordinates without dry friction against their motion.
 
     Args:
@@ -87,7 +87,7 @@ def accelerations_under_friction(machine: Machine, a: np.ndarray) -> None:
     sticks = False
     for c in range(x.size):
         sticks |= m.stuck[c]
-    share = (1 + x.size) * a.size * _EPS if sticks else 0.0
+    rounding = (1 + x.size) * a.size * _EPS if sticks else 0.0
     for i in range(a.size):
         total = a_map[i, 0]
         terms = abs(total)
@@ -95,7 +95,7 @@ def accelerations_under_friction(machine: Machine, a: np.ndarray) -> None:
             part = a_map[i, 1 + c] * x[c]
             total += part
             terms += abs(part)
-        a[i] = 0.0 if abs(total) <= share * terms else total  # what is not a number stays
+        a[i] = 0.0 if abs(total) <= rounding * terms else total  # what is not a number stays
 
 
 @kernel
@@ -149,10 +149,10 @@ def solve_instant(
     move(machine, v)
     write_laws(machine, step)
     if choice == FREE:
-        resting = _face(machine)
+        resting = _set_modes_from_velocities(machine)
     elif choice != UNSOLVED:
         m.at_rest[:] = False
-        _turn(machine, choice == TURNED)
+        _update_directions(machine, choice == TURNED)
     outcome = write_accelerations(machine, q, v, effort, step)
     if outcome == 0 and not write_wrenches(machine, q):
         outcome = NOT_FINITE

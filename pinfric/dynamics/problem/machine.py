@@ -49,7 +49,7 @@ class Tree(NamedTuple):
     unit_count: np.ndarray
 
 
-class Supply(NamedTuple):
+class PinocchioData(NamedTuple):
     """Pinocchio's figures at one state: views of its `Data` after `crba` (world) and `rnea`.
 
     The first row of each but `h` is the ground's, as in Pinocchio.
@@ -78,7 +78,7 @@ class ChainState(NamedTuple):
     """What kernels read of an open chain at the last state that RNEA computed.
 
     Attributes:
-        unit_first, unit_count: see `Tree`. force, h: see `Supply`.
+        unit_first, unit_count: see `Tree`. force, h: see `PinocchioData`.
         joint, displacement_q, displacement_ratio, displacement_shift: (ns,), see `plan.Sites`.
     """
 
@@ -93,13 +93,13 @@ class ChainState(NamedTuple):
 
     @classmethod
     def of(cls, machine: Machine) -> ChainState:
-        """Take the arrays that `Supplier` writes."""
+        """Take the arrays that `Pinocchio` writes."""
         tree, sites = machine.tree, machine.plan.sites
         return cls(
             tree.unit_first,
             tree.unit_count,
-            machine.supply.force,
-            machine.supply.h,
+            machine.pinocchio.force,
+            machine.pinocchio.h,
             sites.joint,
             sites.displacement_q,
             sites.displacement_ratio,
@@ -230,11 +230,11 @@ class Scratch(NamedTuple):
 
 
 class Machine(NamedTuple):
-    """All tables and buffers of one scene's kernels, as one argument; buffers follow `supply`."""
+    """All tables and buffers of one scene's kernels, as one argument."""
 
     plan: Plan
     tree: Tree
-    supply: Supply
+    pinocchio: PinocchioData
     kinematics: Kinematics
     maps: AffineMaps
     rotors: Rotors
@@ -244,11 +244,11 @@ class Machine(NamedTuple):
     problem: Problem
 
 
-for _part in (Tree, Supply, Kinematics, AffineMaps, Rotors, Results, Scratch, Machine):
+for _part in (Tree, PinocchioData, Kinematics, AffineMaps, Rotors, Results, Scratch, Machine):
     record(_part)
 
 
-def make_machine(twin: Twin, plan: Plan, supply: Supply) -> Machine:
+def make_machine(twin: Twin, plan: Plan, views: PinocchioData) -> Machine:
     """Make the buffers of a scene, with the masses of one payload."""
     tree, drives, actions = make_tree(twin), plan.drives, plan.closure.actions
     pairs, nc = len(actions.pair_kind), len(plan.coordinates.dry)
@@ -279,7 +279,7 @@ def make_machine(twin: Twin, plan: Plan, supply: Supply) -> Machine:
     return Machine(
         plan=plan,
         tree=tree,
-        supply=supply,
+        pinocchio=views,
         kinematics=make(Kinematics, **sizes)._replace(
             D=plan.coordinates.rate_row.copy(), S=drives.rate_row.copy()
         ),
@@ -328,7 +328,7 @@ class Links(NamedTuple):
 
     Attributes:
         parent: (nj,), -1: the ground. R, p: (1 + nj, 3, 3), (1 + nj, 3) of each joint's child in
-            the frame of its parent's. force, h: see `Supply`.
+            the frame of its parent's. force, h: see `PinocchioData`.
         v_index, ratio, axis, components: (nj,), (nj,), (nj, 6), (nj, 6) of the twin.
     """
 
@@ -395,12 +395,12 @@ _WORLD = pin.Convention.WORLD
 _THERE = np.eye(6)[None]
 
 
-class Supplier:
+class Pinocchio:
     """Pinocchio's figures of one robot at the last state.
 
     Attributes:
         model, data: of Pinocchio.
-        supply: live views of the data, the ground first.
+        views: live ones of the data, the ground first.
         copies: of what has another memory layout, with where it comes from.
     """
 
@@ -412,7 +412,7 @@ class Supplier:
         data, joints = self.data, range(twin.model.njoints)
         pin.crba(self.model, data, pin.neutral(self.model), _WORLD)
         lever = self._rows([data.oYcrb[j].lever for j in joints])
-        self.supply = Supply(
+        self.views = PinocchioData(
             R=self._rows([data.oMi[j].rotation for j in joints]),
             p=self._rows([data.oMi[j].translation for j in joints]),
             velocity=self._rows([data.v[j].vector for j in joints]),
@@ -454,7 +454,7 @@ class Supplier:
         acting = [(wrench.joint, wrench.wrench[0]) for wrench in applied]
         if (springs := self.twin.springs) is not None:
             moved = self.twin.displacements(springs.joint, q[None])
-            R, p = self.supply.R[None, 1:], self.supply.p[None, 1:]
+            R, p = self.views.R[None, 1:], self.views.p[None, 1:]
             acting += [(row, pull[0]) for row, pull in springs.wrenches(moved, p, R)]
         row, wrench = (np.array(part) for part in zip(*acting, strict=True))
         self.relieve(row, np.repeat(_THERE, len(row), axis=0), wrench)
@@ -467,8 +467,8 @@ class Supplier:
                 parent=tree_tables(twin)[0],
                 R=self._rows([data.liMi[j].rotation for j in joints]),
                 p=self._rows([data.liMi[j].translation for j in joints]),
-                force=self.supply.force,
-                h=self.supply.h,
+                force=self.views.force,
+                h=self.views.h,
                 v_index=twin.v_index,
                 ratio=twin.ratio,
                 axis=twin.axis,

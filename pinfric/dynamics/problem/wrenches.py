@@ -87,14 +87,14 @@ def add_reactions(
                     given[i, k] += x * y[r, k]
                 for f in range(nf):
                     along[i, f] += x * free[r, f]
-        unique = share(given, along, weight, free, y, np.empty((ny, 0))) == nf
+        unique = share_load(given, along, weight, free, y, np.empty((ny, 0))) == nf
     for row in range(joint.size):
         add_products(X[joint[row]], first, y, wrench[row])
     return unique
 
 
 @kernel
-def share(
+def share_load(
     given: np.ndarray,
     along: np.ndarray,
     weight: np.ndarray,
@@ -181,9 +181,9 @@ def _accelerate(machine: Machine) -> None:
                 below[j, n, e] = 0.0
         for f in range(first[j], first[j + 1]):
             for n in range(columns):
-                share = a_map[t.freedom_velocity[f], n]
+                acceleration = a_map[t.freedom_velocity[f], n]
                 for e in range(6):
-                    above[j, n, e] += share * k.motion[f, e]
+                    above[j, n, e] += acceleration * k.motion[f, e]
     for j in range(nj - 1, -1, -1):
         parent = t.parent[j]
         if parent < 0:
@@ -193,15 +193,15 @@ def _accelerate(machine: Machine) -> None:
                 below[parent, n, e] += below[j, n, e]
         for f in range(first[j], first[j + 1]):
             for n in range(columns):
-                share = a_map[t.freedom_velocity[f], n]
+                acceleration = a_map[t.freedom_velocity[f], n]
                 for e in range(6):
-                    below[parent, n, e] += share * k.momentum[f, e]
+                    below[parent, n, e] += acceleration * k.momentum[f, e]
 
 
 @kernel
 def _write_tree_wrench(machine: Machine, row: int, j: int) -> None:
     """Write w_j = f_j + W_j a (6, 1 + nc) of a joint of the tree, in its child's frame."""
-    k, G, R = machine.supply, machine.maps.wrench, machine.supply.R
+    k, G, R = machine.pinocchio, machine.maps.wrench, machine.pinocchio.R
     above, below = machine.scratch.above, machine.scratch.below
     x, y, z = k.p[1 + j, 0], k.p[1 + j, 1], k.p[1 + j, 2]
     for n in range(G.shape[2]):
@@ -245,9 +245,9 @@ def _write_known_wrenches(machine: Machine) -> None:
         for d in range(drives.action.size):
             if drives.velocity_index[d] < 0:
                 for e in range(6):
-                    share = X[0, j, e, drives.action[d]]
+                    lever = X[0, j, e, drives.action[d]]
                     for n in range(G.shape[2]):
-                        G[row, e, n] += share * delivered[d, n]
+                        G[row, e, n] += lever * delivered[d, n]
         add_friction(X[0, j], action, G[row])
 
 

@@ -18,7 +18,7 @@ from pinfric.dynamics.simulation.integration import Integration, begin
 from pinfric.dynamics.simulation.recorder import Recorder, along
 from pinfric.dynamics.simulation.system import Settings, System, finite
 from pinfric.errors import AccelerationError, SimulationError
-from pinfric.friction.problem import Found
+from pinfric.friction.problem import SearchOutcome
 
 #: From this relative tolerance on a method of order 5 needs fewer right-hand sides than one of 8.
 _LOOSE = 1e-7
@@ -324,7 +324,7 @@ class EventIntegration(Integration):
         modes.at_rest[:] = modes.stuck
         modes.at_rest[stopped] = True
         self.system.assemble(self.t, q, v)
-        found = Found.NONE
+        found = SearchOutcome.NONE
         again = [int(c) for c in fired if self.changed[c] == self.t]
         if again:  # a slip that would not start, a stick that would not hold: rounding decides
             modes.at_rest[again] = False
@@ -333,16 +333,17 @@ class EventIntegration(Integration):
         elif forced:
             found = ws.search(forced, before.stuck)
         slips = modes.copy()
-        still = found == Found.SOLVED and bool(forced) and ws.mechanism.is_locked(modes.stuck)
-        if found != Found.SOLVED or still:  # what breaks away would not move, others hold it
+        still = found == SearchOutcome.SOLVED and bool(forced)
+        still = still and ws.mechanism.is_locked(modes.stuck)  # what breaks away would not move
+        if found != SearchOutcome.SOLVED or still:
             modes.take(before)
             modes.at_rest[:] = modes.stuck
             modes.at_rest[stopped] = True
             found = ws.search(held=before.stuck)
-        if still and found != Found.SOLVED:
+        if still and found != SearchOutcome.SOLVED:
             modes.take(slips)
             found = ws.search(forced, before.stuck)
-        if found != Found.SOLVED:
+        if found != SearchOutcome.SOLVED:
             raise ws.failures.failure(found, ws.state).at(self.t)
         ws.finish()
         self.given = modes.kept()

@@ -32,7 +32,7 @@ from pinfric.dynamics.simulation.integration import begin, standing
 from pinfric.dynamics.simulation.recorder import Recorder
 from pinfric.dynamics.simulation.system import Settings, System
 from pinfric.errors import AccelerationError, GearJam
-from pinfric.friction.problem import Found, Modes
+from pinfric.friction.problem import Modes, SearchOutcome
 
 #: What comes to rest in a step from more than so many times its deceleration jumps.
 _JUMP = 2.0
@@ -66,7 +66,7 @@ def step_through(
         if not ws.is_sure():
             before, rests = _at_instant(system, t, dt, (middle, v), rates)
         found = _solve_step(ws, rates, before, rests)
-        if found != Found.SOLVED:
+        if found != SearchOutcome.SOLVED:
             raise ws.failures.failure(found, ws.state).at(t)
         stopped = bool((ws.modes.stuck & ~before.stuck).any())
         ws.finish()
@@ -146,7 +146,7 @@ def _begin_with_a_step(
     modes.direction[:] = np.where(modes.stuck, 0.0, np.sign(rates))
     modes.direction[:] = ws.mechanism.slip_direction(modes, rates)
     system.assemble(0.0, q, v, next(_steps(system, settings))[2])
-    if _solve_step(ws, rates, modes.copy(), ws.plan.coordinates.dry) != Found.SOLVED:
+    if _solve_step(ws, rates, modes.copy(), ws.plan.coordinates.dry) != SearchOutcome.SOLVED:
         raise problem
     ws.finish()
     record.phase(0.0)
@@ -170,7 +170,9 @@ def _between(
     return lambda time: np.asarray(pin.interpolate(model, start, end, (time - t) / dt))
 
 
-def _solve_step(ws: Workspace, rates: np.ndarray, before: Modes, rests: np.ndarray) -> Found:
+def _solve_step(
+    ws: Workspace, rates: np.ndarray, before: Modes, rests: np.ndarray
+) -> SearchOutcome:
     """Find the modes at the end of a step, from those before it, of what may be at rest (nc,)."""
     modes, dry = ws.modes, ws.plan.coordinates.dry
     modes.at_rest[:] = rests
@@ -191,6 +193,6 @@ def _hold_or_turn(system: System, t: float, q: np.ndarray, v: np.ndarray, before
     stopped = ws.modes.copy()
     ws.modes.at_rest[:] = ws.modes.stuck
     system.assemble(t, q, v)
-    if ws.search(held=before.stuck) != Found.SOLVED:
+    if ws.search(held=before.stuck) != SearchOutcome.SOLVED:
         ws.modes.take(stopped)  # the next step decides
     ws.finish()

@@ -12,7 +12,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 import pinfric as pf
 from pinfric.dynamics.forward.workspace import Workspace
 from pinfric.dynamics.problem import instant
-from pinfric.dynamics.problem.machine import Supplier
+from pinfric.dynamics.problem.machine import Pinocchio
 from pinfric.dynamics.samples.closure import independent_joints
 from pinfric.kernels.interpreted import plain
 
@@ -98,7 +98,7 @@ def test_interpreted_maps_are_the_compiled_ones(case):
     u = np.ascontiguousarray(u[: len(scene.drives)])
     compiled, interpreted = Workspace(scene), Workspace(scene)
     for ws in (compiled, interpreted):
-        ws.supplier.at(q, v, None)
+        ws.pinocchio.at(q, v, None)
     given = q, v, u, 0.0, instant.UNSOLVED
     assert instant.solve_instant(compiled.argument, *given)[0] == 0
     assert plain(instant.solve_instant)(interpreted.machine, *given)[0] == 0
@@ -114,7 +114,7 @@ def test_interpreted_maps_are_the_compiled_ones(case):
 def test_what_pinocchio_holds_is_seen_without_a_copy_and_else_copied(joints, monkeypatch):
     twin = tree(3, joints).twin()
     (q, *_), (v, *_), _ = random_states(twin.model, 3, 1)
-    live = Supplier(twin)
+    live = Pinocchio(twin)
     assert live.copies == []
 
     def somewhere_else(self, arrays):
@@ -122,19 +122,19 @@ def test_what_pinocchio_holds_is_seen_without_a_copy_and_else_copied(joints, mon
         self.copies.append((out, arrays))
         return out
 
-    monkeypatch.setattr(Supplier, "_rows", somewhere_else)
-    copied = Supplier(twin)
+    monkeypatch.setattr(Pinocchio, "_rows", somewhere_else)
+    copied = Pinocchio(twin)
     assert copied.copies
-    for supplier in (live, copied):
-        supplier.at(q, v, None)
+    for pinocchio in (live, copied):
+        pinocchio.at(q, v, None)
     data = live.data
-    for ours, theirs, name in zip(live.supply, copied.supply, live.supply._fields, strict=True):
+    for ours, theirs, name in zip(live.views, copied.views, live.views._fields, strict=True):
         assert_array_equal(ours, theirs, err_msg=name)
     for j in range(twin.model.njoints):
-        assert_array_equal(live.supply.p[j], data.oMi[j].translation)
-        assert_array_equal(live.supply.force[j], data.f[j].vector)
+        assert_array_equal(live.views.p[j], data.oMi[j].translation)
+        assert_array_equal(live.views.force[j], data.f[j].vector)
         full = data.oYcrb[j].inertia
-        assert_array_equal(live.supply.inertia[j], full[np.tril_indices(3)])
+        assert_array_equal(live.views.inertia[j], full[np.tril_indices(3)])
 
 
 def test_friction_that_is_not_a_number_gives_no_acceleration():
