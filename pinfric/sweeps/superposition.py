@@ -24,7 +24,6 @@ import pinocchio as pin
 from pinfric.drives.inertia import joint_inertias
 from pinfric.dynamics.inverse.inverse import inverse_dynamics
 from pinfric.dynamics.inverse.result import InverseResult
-from pinfric.dynamics.inverse.superposed import Basis, Cycle, Path, Varied, write_figures
 from pinfric.dynamics.samples.motor_torques import scene_gears
 from pinfric.dynamics.samples.states import States, attached_columns
 from pinfric.model.drives import Gears
@@ -35,6 +34,7 @@ from pinfric.model.scene import Scene
 from pinfric.model.transmission import MakersEfficiency, OwnTransmission
 from pinfric.motions.trajectory import Trajectory
 from pinfric.sweeps.parameters import ELASTIC, SET, Target, apply, mounted_gravity
+from pinfric.sweeps.superposition_kernels import Basis, Cycle, Path, Varied, write_figures
 
 #: Between the places of a payload's centre of mass (m).
 _STEP = 0.1
@@ -52,7 +52,7 @@ class Stored(NamedTuple):
     """One sample's cycle.
 
     Attributes:
-        demands: (na, 5) what it takes of each drive (`superposed.write_figures`).
+        demands: (na, 5) what it takes of each drive (`write_figures`).
         result: None unless it was asked for.
         inertias: (na,) the largest about each joint, kg m^2 (kg).
     """

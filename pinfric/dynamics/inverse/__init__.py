@@ -6,6 +6,5 @@ contact forces as affine functions of friction, `choices` lists the possible fri
 `interval_ends` finds the least and the greatest effort where joints stick, `solutions` finds all
 states of friction of one sample, and `undriven` uses the condition of joints without a drive.
 `outcome` describes how a sample ended; `result` is returned to the user, and `check` puts it into
-the equations again. `superposed` computes open chains again with other masses and coefficients, for
-sweeps.
+the equations again.
 """
