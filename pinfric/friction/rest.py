@@ -77,8 +77,8 @@ class Mechanism:
         if self.slope is not None:
             key += (self.slope.tobytes(),)
         if self._groups[0] != key:
-            found = self._find_groups(stuck)
-            self._groups = key, [Group.of(self.factor, c, self.slope) for c in found]
+            shared = self._find_groups(stuck)
+            self._groups = key, [Group.of(self.factor, c, self.slope) for c in shared]
         return self._groups[1]
 
     def is_locked(self, stuck: np.ndarray) -> bool:
@@ -100,7 +100,7 @@ class Mechanism:
         A = self.normalized()[:, held]
         together = np.abs(A.T @ A) > RANK
         together |= np.equal.outer(self.block[held], self.block[held])
-        found = []
+        groups = []
         left = np.ones(len(held), dtype=bool)
         while left.any():
             group = np.zeros(len(held), dtype=bool)
@@ -110,8 +110,8 @@ class Mechanism:
             left &= ~group
             rank = np.linalg.matrix_rank(A[:, group], rtol=RANK)
             if self.ball[held[group]].any() or rank < group.sum():
-                found.append(held[group])
-        return found
+                groups.append(held[group])
+        return groups
 
     def joints(self, which: np.ndarray) -> list[int]:
         """Return the numbers of the joints of which coordinates (nc,) are among these."""
@@ -182,23 +182,23 @@ def solve_modes(
         hold_chosen(problem, modes)
     if not mechanism.closed:
         return _apart(problem, modes, chosen)
-    found, obeying = _together(problem, modes, mechanism, chosen)
+    solutions, obeying = _together(problem, modes, mechanism, chosen)
     ways = list(ways_to_hold(problem, modes)) if modes.effort.size and not obeying else []
     for efforts in ways if len(ways) > 1 else ():
         modes.effort[:] = efforts
         hold_chosen(problem, modes)
-        found, obeying = _together(problem, modes, mechanism, chosen, within=True)
+        solutions, obeying = _together(problem, modes, mechanism, chosen, within=True)
         if obeying:
             break
-    return found, obeying
+    return solutions, obeying
 
 
 def _apart(problem: Problem, modes: Modes, chosen: bool) -> tuple[int, int]:
     """`solve_modes` where no friction is shared."""
-    found, obeying = try_modes(problem, modes, chosen)
-    if found <= 0:
+    solutions, obeying = try_modes(problem, modes, chosen)
+    if solutions <= 0:
         modes.friction[:1] = np.nan  # what is there is no guess for the next solve
-    return int(found), int(obeying)
+    return int(solutions), int(obeying)
 
 
 def _together(
@@ -217,15 +217,15 @@ def _together(
         mechanism.slope = None if plain is problem else plain.rate_slope
         groups = mechanism.groups(modes.stuck)
         if not groups:
-            found, obeying = _apart(problem, modes, chosen)
+            solutions, obeying = _apart(problem, modes, chosen)
             mechanism.way[:] = np.where(modes.stuck, -np.sign(modes.friction), modes.direction)
-            return found, obeying
+            return solutions, obeying
         step = _Shared(problem, plain, of_y, modes, mechanism, groups)
-        found, obeying, left, changed = step.converge(lines)
-        if found > 0 and chosen and left:
+        solutions, obeying, left, changed = step.converge(lines)
+        if solutions > 0 and chosen and left:
             return 0, 0
-        if found <= 0 or not left + changed:
-            return found, obeying
+        if solutions <= 0 or not left + changed:
+            return solutions, obeying
     return -1, 0
 
 
@@ -295,10 +295,10 @@ class _Shared:
             contact = p.contact.copy()
             contact[:, 0] += np.einsum("tce,c->te", p.contact[:, 1:], moving)
             p = p._replace(rate_free=p.rate_free + p.rate_slope @ moving, contact=contact)
-        found = decide(p, self.mechanism.factor, stuck, slope=self.mechanism.slope)
-        if found.held:
-            self.write(found.friction + moving)
-        return bool(found.held)
+        verdict = decide(p, self.mechanism.factor, stuck, slope=self.mechanism.slope)
+        if verdict.held:
+            self.write(verdict.friction + moving)
+        return bool(verdict.held)
 
     def write(self, y: np.ndarray) -> None:
         """Write the friction of a solution, its loads and rates."""

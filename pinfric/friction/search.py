@@ -213,7 +213,7 @@ class SearchStatistics:
         """Return how a search of a single mode ends, from what `rest.solve_modes` returns."""
         self.many, self.tried, self.unsure = (obeying, obeying), 1, False
         self.island = self.island[:0]
-        return outcome(solutions, obeying)
+        return outcome_of(solutions, obeying)
 
 
 class _Query:
@@ -222,7 +222,7 @@ class _Query:
     Attributes:
         problem, modes, mechanism: see `search`.
         count: what is counted.
-        found: the answers in the modes solved last, if gears may have several; else empty.
+        answers: those in the modes solved last, if gears may have several; else empty.
         left: passes.
         every: whether all solutions of given modes are wanted, where there may be several.
         unsure: whether the search for all solutions of some modes reached its limit.
@@ -239,23 +239,23 @@ class _Query:
     ) -> None:
         self.every, self.left, self.unsure, self.proved = every, MOST_PASSES, False, True
         self.problem, self.modes, self.mechanism = problem, modes, mechanism
-        self.count, self.found = count, list[Answer]()
+        self.count, self.answers = count, list[Answer]()
         count.many, count.tried, count.unsure = (0, 0), 0, False
 
     def answer(self) -> tuple[int, int]:
         """Solve the modes as they are, all solutions of them if wanted; see `rest.solve_modes`."""
-        self.found, m = [], self.modes
-        found = solve_modes(self.problem, m, self.mechanism)
+        self.answers, m = [], self.modes
+        counts = solve_modes(self.problem, m, self.mechanism)
         moves = not m.stuck[self.problem.gear_coordinate].all()
         several = moves and m.figures[0] >= 1.0  # of those found some are off their lines
-        if m.effort.size and (found[0] < 0 or several or not is_certain(self.problem, m)):
-            found = self._on_every_line()
+        if m.effort.size and (counts[0] < 0 or several or not is_certain(self.problem, m)):
+            counts = self._on_every_line()
         shared = np.isnan(m.figures[0])
         self.left -= max(3 * self.mechanism.closed, int(m.figures[1]) if shared else 1)
-        return self._all(found) if self.every and m.figures[0] >= 1.0 else found
+        return self._all(counts) if self.every and m.figures[0] >= 1.0 else counts
 
     def _on_every_line(self) -> tuple[int, int]:
-        """Solve the modes on every line of gears that may fit; `found` are then the answers."""
+        """Solve the modes on every line of gears that may fit; `answers` are theirs."""
         m, solved = self.modes, list[Answer]()
         every = choices_of_lines(self.problem, m)
         self.count.unsure |= every is None
@@ -266,10 +266,10 @@ class _Query:
             if solutions > 0 and not any(_same(m, one.modes) for one in solved):
                 lasts = lasts_under_loads(self.problem, m, lines[:, 0])
                 solved.append(Answer(m.copy(), stable if lasts is None else lasts))
-                self.found += solved[-1:] * obeying
+                self.answers += solved[-1:] * obeying
         if solved:
-            self._take(max(self.found or solved, key=lambda answer: answer.stable))
-        return len(solved), len(self.found)
+            self._take(max(self.answers or solved, key=lambda answer: answer.stable))
+        return len(solved), len(self.answers)
 
     def _take(self, answer: Answer) -> None:
         """Make an answer the present one."""
@@ -278,16 +278,16 @@ class _Query:
 
     def end(self, solutions: int, obeying: int) -> SearchOutcome:
         """Return how the search ends with the modes just solved; the answer is the present one."""
-        if self.found:
-            return self.choose(list(self.found))
+        if self.answers:
+            return self.choose(list(self.answers))
         self.count.many = obeying, obeying
-        return self.sure(outcome(solutions, obeying))
+        return self.sure(outcome_of(solutions, obeying))
 
-    def sure(self, found: SearchOutcome) -> SearchOutcome:
+    def sure(self, outcome: SearchOutcome) -> SearchOutcome:
         """Return how the search ends, where what it may have missed would change that."""
-        unsure = self.count.unsure and found == SearchOutcome.NONE
-        unsure |= found == SearchOutcome.SOLVED and (self.unsure or self.count.unsure)
-        return SearchOutcome.UNDECIDED if unsure else found
+        unsure = self.count.unsure and outcome == SearchOutcome.NONE
+        unsure |= outcome == SearchOutcome.SOLVED and (self.unsure or self.count.unsure)
+        return SearchOutcome.UNDECIDED if unsure else outcome
 
     def choose(self, answers: list[Answer]) -> SearchOutcome:
         """Make the answer the present one: of several the only stable one."""
@@ -301,7 +301,7 @@ class _Query:
             return SearchOutcome.SOLVED
         return SearchOutcome.AMBIGUOUS if len(answers) > 1 else SearchOutcome.UNSTABLE
 
-    def _all(self, found: tuple[int, int]) -> tuple[int, int]:
+    def _all(self, counts: tuple[int, int]) -> tuple[int, int]:
         """Look for solutions that Newton's method has missed; see `answer`."""
         modes, problem = self.modes, self.problem
         kept = modes.copy()
@@ -309,8 +309,8 @@ class _Query:
         every = find_all(problem, modes.stuck, modes.direction, rows)
         self.left -= every.parts
         self.unsure |= every.complete is False
-        if len(every.solutions) <= found[0]:
-            return found
+        if len(every.solutions) <= counts[0]:
+            return counts
         obeying = 0
         for x in every.solutions:
             modes.friction[:] = x
@@ -362,8 +362,8 @@ def search(
         island.put_back(problem, modes, mechanism)
     if np.isnan(modes.friction).any():
         modes.friction[:1] = np.nan
-    worst = max((found for found, _, _ in ends), key=_GRAVITY.index)
-    those = [(own, figures) for found, own, figures in ends if found == worst]
+    worst = max((outcome for outcome, _, _ in ends), key=_GRAVITY.index)
+    those = [(own, figures) for outcome, own, figures in ends if outcome == worst]
     modes.figures[:] = np.max([figures for _, figures in those], axis=0)
     many = np.prod([own.many for own, _ in those], axis=0).tolist()
     count.many = (many[0], many[1]) if worst == SearchOutcome.SOLVED else those[0][0].many
@@ -391,16 +391,16 @@ def _search(
     at_rest = modes.at_rest.copy()
     for _ in range(3):
         if together and not mechanism.is_dependent(at_rest):
-            found = _search(problem, modes, mechanism, count, forced, held)
+            outcome = _search(problem, modes, mechanism, count, forced, held)
         else:
-            found = _search_open(query, dict(forced), held)
+            outcome = _search_open(query, dict(forced), held)
         if (modes.direction[passing] * modes.rate[passing] >= 0.0).all():
             break
         modes.at_rest[:] = at_rest
         modes.direction[passing] = np.sign(modes.rate[passing])
-    if found == SearchOutcome.SOLVED and not query.proved:
+    if outcome == SearchOutcome.SOLVED and not query.proved:
         query.count.many = 0, 0
-    return query.sure(found)
+    return query.sure(outcome)
 
 
 def _led(problem: Problem, modes: Modes, mechanism: Mechanism) -> np.ndarray:
@@ -424,16 +424,18 @@ def _search_open(query: _Query, forced: dict[int, float], held: np.ndarray | Non
             return certain
     if len(mechanism.joints(rests)) > MOST_ENUMERATED:
         return _pivot(query, forced)
-    found = _enumerate(query, _all_ways(query, forced), forced, held)
-    missed = found in _NOTHING and (mechanism.ball & rests).any()
-    if missed or found == SearchOutcome.UNDECIDED:  # a ball's direction is searched from one start
+    outcome = _enumerate(query, _all_ways(query, forced), forced, held)
+    missed = outcome in _NOTHING and (mechanism.ball & rests).any()
+    if (
+        missed or outcome == SearchOutcome.UNDECIDED
+    ):  # a ball's direction is searched from one start
         query.left = MOST_PASSES
-        found = _pivot(query, forced)
-        return found if found == SearchOutcome.SOLVED else SearchOutcome.UNDECIDED
-    if together and forced and found in _NOTHING:
+        outcome = _pivot(query, forced)
+        return outcome if outcome == SearchOutcome.SOLVED else SearchOutcome.UNDECIDED
+    if together and forced and outcome in _NOTHING:
         # the direction of break-away was a guess: a slow joint's friction may act with the motion
-        found = _enumerate(query, _all_ways(query, {}, fewest=1), {}, held)
-    return found
+        outcome = _enumerate(query, _all_ways(query, {}, fewest=1), {}, held)
+    return outcome
 
 
 def _in_ball(query: _Query, held: np.ndarray | None) -> SearchOutcome | None:
@@ -455,9 +457,9 @@ def _in_ball(query: _Query, held: np.ndarray | None) -> SearchOutcome | None:
 
     def follow() -> bool:
         sub = _Query(limits, modes, mechanism, SearchStatistics(), every=False)
-        found = _follow(sub, set()) == SearchOutcome.SOLVED
+        solved = _follow(sub, set()) == SearchOutcome.SOLVED
         query.count.tried += sub.count.tried
-        return found
+        return solved
 
     if not follow():
         return None
@@ -480,11 +482,11 @@ def _in_ball(query: _Query, held: np.ndarray | None) -> SearchOutcome | None:
     if not ball.sure:
         return None
     query.every = False  # in given modes there is one solution
-    found = SearchOutcome.NONE if ball.open.size else query.end(*query.answer())
-    if found != SearchOutcome.SOLVED:
-        found = _enumerate(query, (list(ways(sets)) for sets in ball.sets()), {}, held)
+    outcome = SearchOutcome.NONE if ball.open.size else query.end(*query.answer())
+    if outcome != SearchOutcome.SOLVED:
+        outcome = _enumerate(query, (list(ways(sets)) for sets in ball.sets()), {}, held)
     query.every = True
-    return None if failed or found in _NOTHING else found
+    return None if failed or outcome in _NOTHING else outcome
 
 
 def _all_ways(query: _Query, forced: Ways, fewest: int = 0) -> Iterator[list[Ways]]:
@@ -503,17 +505,17 @@ def _pivot(query: _Query, forced: dict[int, float]) -> SearchOutcome:
     """
     modes = query.modes
     _stick(modes, query.mechanism, forced)
-    found = _follow(query, set(forced))
-    if found != SearchOutcome.SOLVED and not forced and not modes.effort.size:
+    outcome = _follow(query, set(forced))
+    if outcome != SearchOutcome.SOLVED and not forced and not modes.effort.size:
         guess_modes(query.problem, modes, query.mechanism)
         modes.friction[:1], query.left = np.nan, MOST_PASSES
-        found = _follow(query, set())
-    if found in _NOTHING:
+        outcome = _follow(query, set())
+    if outcome in _NOTHING:
         return SearchOutcome.UNDECIDED  # there are modes that were not tried
     moves = query.mechanism.joints(modes.at_rest & ~modes.stuck)
     forced_to = query.mechanism.joints(np.isin(np.arange(len(modes.stuck)), [*forced]))
     query.proved &= len(moves) <= len(forced_to)
-    return found
+    return outcome
 
 
 def _stick(modes: Modes, mechanism: Mechanism, ways: Mapping[int, float]) -> None:
@@ -551,7 +553,7 @@ def _enumerate(
             query.count.tried += 1
             solutions, obeying = _settle(query)
             status = SearchOutcome.NOT_CONVERGED if solutions < 0 else status
-            answers = list(query.found)
+            answers = list(query.answers)
             if obeying > 1 and all(_same(answers[0].modes, one.modes) for one in answers):
                 query.count.many = obeying, obeying
                 return SearchOutcome.AMBIGUOUS
@@ -584,7 +586,7 @@ def _settle(query: _Query) -> tuple[int, int]:
     else:
         solutions, sticks = -1, True
     if solutions <= 0 or sticks:
-        query.found = []
+        query.answers = []
         return solutions, 0
     return solutions, max(obeying, int(solutions > 0 and not modes.verdict.any()))
 
@@ -600,7 +602,7 @@ def _same(one: Modes, other: Modes) -> bool:
     return bool(alike.any() and np.isfinite(pairs).all())
 
 
-def outcome(solutions: int, obeying: int) -> SearchOutcome:
+def outcome_of(solutions: int, obeying: int) -> SearchOutcome:
     """Return how a search with a single candidate ends, from what `solve_modes` returns."""
     if solutions < 0:
         return SearchOutcome.NOT_CONVERGED
@@ -621,14 +623,14 @@ def _follow_or_search(
 ) -> SearchOutcome:
     """`search` of one island, from the modes given on."""
     start = modes.copy()
-    found = _follow(_Query(problem, modes, mechanism, count, every=False), set())
-    if found != SearchOutcome.SOLVED and mechanism.closed:
+    outcome = _follow(_Query(problem, modes, mechanism, count, every=False), set())
+    if outcome != SearchOutcome.SOLVED and mechanism.closed:
         modes.take(start)
         _stick(modes, mechanism, {})
-        found = _follow(_Query(problem, modes, mechanism, count, every=False), set())
-    if found != SearchOutcome.SOLVED and int(modes.at_rest.sum()) <= MOST_ENUMERATED:
+        outcome = _follow(_Query(problem, modes, mechanism, count, every=False), set())
+    if outcome != SearchOutcome.SOLVED and int(modes.at_rest.sum()) <= MOST_ENUMERATED:
         return _search(problem, modes, mechanism, count, *search)
-    return found
+    return outcome
 
 
 def _follow(query: _Query, fixed: set[int]) -> SearchOutcome:
@@ -646,7 +648,7 @@ def _follow(query: _Query, fixed: set[int]) -> SearchOutcome:
         query.count.tried += 1
         solutions, obeying = query.answer()
         if solutions <= 0:
-            return outcome(solutions, 0)
+            return outcome_of(solutions, 0)
         if _turn_balls(modes, mechanism) > _TURNED:
             continue
         if obeying or not modes.verdict.any():

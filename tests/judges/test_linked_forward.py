@@ -410,4 +410,4 @@ def test_a_search_that_comes_to_its_bound_says_so(monkeypatch):
 
 @pytest.mark.parametrize("count", [2, 3, 5])
 def test_however_many_solutions_obey_it_is_ambiguous(count):
-    assert search.outcome(count, count) == SearchOutcome.AMBIGUOUS
+    assert search.outcome_of(count, count) == SearchOutcome.AMBIGUOUS

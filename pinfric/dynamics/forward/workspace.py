@@ -104,14 +104,19 @@ class Workspace:
         m.tree.armature[self.held] += 1.0  # M has nothing else in their rows and columns
         self._argument = KernelArgument(m, kept)
         self.problem, self.modes = m.problem, m.modes
-        found = m.results
-        self.a, self.effort, self.phi, self.load = found.a, found.effort, found.phi, found.load
-        self.wrench, self.multipliers, self.site_modes = (
-            found.wrench,
-            found.multiplier,
-            found.site_modes,
+        results = m.results
+        self.a, self.effort, self.phi, self.load = (
+            results.a,
+            results.effort,
+            results.phi,
+            results.load,
         )
-        self.least, self.most = found.least, found.most
+        self.wrench, self.multipliers, self.site_modes = (
+            results.wrench,
+            results.multiplier,
+            results.site_modes,
+        )
+        self.least, self.most = results.least, results.most
         geared = drives.gear_coordinate[drives.gear_coordinate >= 0]
         self._geared = bool(geared.size)
         # losses grow steadily with speed: at no speed or at a large one slopes are least
@@ -266,9 +271,9 @@ class Workspace:
         tries = resting or several or self._geared
         if tries:
             self._forget()
-        found = self.search() if tries else self.count.of_one_mode(solutions, obeying)
-        if found != SearchOutcome.SOLVED:
-            raise self.failures.failure(found, self.state)
+        outcome = self.search() if tries else self.count.of_one_mode(solutions, obeying)
+        if outcome != SearchOutcome.SOLVED:
+            raise self.failures.failure(outcome, self.state)
         self.finish()
 
     def check_held(self, a: np.ndarray) -> None:
@@ -315,13 +320,13 @@ class Workspace:
         solutions, obeying, resting = self._run(q, v, effort, applied, turned)
         if obeying == 1 and resting >= 0 and self.is_sure():
             return
-        found = self.count.of_one_mode(solutions, obeying)
+        outcome = self.count.of_one_mode(solutions, obeying)
         if resting < 0 or self._geared:
-            found = solve_given(self.problem, self.modes, self.mechanism, self.count)
-            if found == SearchOutcome.SOLVED:
+            outcome = solve_given(self.problem, self.modes, self.mechanism, self.count)
+            if outcome == SearchOutcome.SOLVED:
                 self.finish()
-        if found != SearchOutcome.SOLVED:
-            raise self.failures.failure(found, self.state)
+        if outcome != SearchOutcome.SOLVED:
+            raise self.failures.failure(outcome, self.state)
         self._kept = self._key(q, v, effort, applied) if self.locked else None
 
     def _key(
@@ -382,10 +387,10 @@ class Workspace:
         self, forced: Mapping[int, float] | None = None, held: np.ndarray | None = None
     ) -> SearchOutcome:
         """Search the modes of what is at rest; see `friction/search.py`."""
-        found = search(self.problem, self.modes, self.mechanism, forced, held, self.count)
-        if found == SearchOutcome.SOLVED and self.closed:
+        outcome = search(self.problem, self.modes, self.mechanism, forced, held, self.count)
+        if outcome == SearchOutcome.SOLVED and self.closed:
             self._leave_dead_centres()
-        return found
+        return outcome
 
     def is_sure(self) -> bool:
         """Whether there is one answer in the present modes, on whatever lines of gears."""

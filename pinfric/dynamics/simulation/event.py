@@ -111,13 +111,13 @@ class EventIntegration(Integration):
         while solver.status == "running":
             self._step(solver)
             polynomial = solver.dense_output()
-            found = self._first_event(solver.t_old, solver.t, polynomial)
-            stop = solver.t if found is None else found[0]
+            event = self._first_event(solver.t_old, solver.t, polynomial)
+            stop = solver.t if event is None else event[0]
             self._keep_step(solver.t_old, stop, polynomial)
-            if found is not None:
+            if event is not None:
                 self.t = stop
                 self.y = solver.y.copy() if stop == solver.t else polynomial(stop)
-                self._change_modes(found[1])
+                self._change_modes(event[1])
                 return None
             self.t, self.y = solver.t, solver.y.copy()
             self.allowance[self._guards_now[-1] >= 0.0] = 0.0
@@ -255,11 +255,11 @@ class EventIntegration(Integration):
         fired, first = np.full(self.nc, np.inf), end
         for c in np.flatnonzero(self.ws.plan.coordinates.dry).tolist():
             some = int(times.searchsorted(first, side="left")) + 1  # later ones do not matter
-            found = first_crossing(
+            crossing = first_crossing(
                 self._guard(c, polynomial), times[:some], values[:some, c], float(slack[c])
             )
-            if found is not None:
-                fired[c], first = found, min(first, found)
+            if crossing is not None:
+                fired[c], first = crossing, min(first, crossing)
         time = float(fired.min())
         if np.isinf(time):
             return None
@@ -324,27 +324,27 @@ class EventIntegration(Integration):
         modes.at_rest[:] = modes.stuck
         modes.at_rest[stopped] = True
         self.system.assemble(self.t, q, v)
-        found = SearchOutcome.NONE
+        outcome = SearchOutcome.NONE
         again = [int(c) for c in fired if self.changed[c] == self.t]
         if again:  # a slip that would not start, a stick that would not hold: rounding decides
             modes.at_rest[again] = False
             modes.stuck[again], modes.direction[again] = True, 0.0
-            found = ws.search(held=before.stuck)
+            outcome = ws.search(held=before.stuck)
         elif forced:
-            found = ws.search(forced, before.stuck)
+            outcome = ws.search(forced, before.stuck)
         slips = modes.copy()
-        still = found == SearchOutcome.SOLVED and bool(forced)
+        still = outcome == SearchOutcome.SOLVED and bool(forced)
         still = still and ws.mechanism.is_locked(modes.stuck)  # what breaks away would not move
-        if found != SearchOutcome.SOLVED or still:
+        if outcome != SearchOutcome.SOLVED or still:
             modes.take(before)
             modes.at_rest[:] = modes.stuck
             modes.at_rest[stopped] = True
-            found = ws.search(held=before.stuck)
-        if still and found != SearchOutcome.SOLVED:
+            outcome = ws.search(held=before.stuck)
+        if still and outcome != SearchOutcome.SOLVED:
             modes.take(slips)
-            found = ws.search(forced, before.stuck)
-        if found != SearchOutcome.SOLVED:
-            raise ws.failures.failure(found, ws.state).at(self.t)
+            outcome = ws.search(forced, before.stuck)
+        if outcome != SearchOutcome.SOLVED:
+            raise ws.failures.failure(outcome, ws.state).at(self.t)
         ws.finish()
         self.given = modes.kept()
         self.changed[(modes.stuck != before.stuck) | (modes.direction != before.direction)] = self.t

@@ -65,9 +65,9 @@ def step_through(
         rates, rests = ws.constraints.rates(middle, v), ws.plan.coordinates.dry
         if not ws.is_sure():
             before, rests = _at_instant(system, t, dt, (middle, v), rates)
-        found = _solve_step(ws, rates, before, rests)
-        if found != SearchOutcome.SOLVED:
-            raise ws.failures.failure(found, ws.state).at(t)
+        outcome = _solve_step(ws, rates, before, rests)
+        if outcome != SearchOutcome.SOLVED:
+            raise ws.failures.failure(outcome, ws.state).at(t)
         stopped = bool((ws.modes.stuck & ~before.stuck).any())
         ws.finish()
         a = ws.accelerations()
