@@ -241,9 +241,16 @@ def solve_state(
     if held:
         v = v.copy()
         v[ws.held] = 0.0
-    if not ws.must_project:
+    exact = not ws.must_project  # or closed and normalized to 1e-8
+    if exact:
         ws.solve_coupled(q, v, effort, applied)
-    elif not _solved_as_given(ws, q, v, effort, applied):
+    else:
+        try:
+            ws.solve(q, v, effort, applied)
+            exact = ws.constraints.is_exact(q)
+        except PinfricError:  # errors of the state come first
+            ws.failures.check_finite(ws.state)
+    if not exact:
         states = States.of(ws.scene, q, v, np.zeros(ws.nv))
         q, v = states.q[0], states.v[0]
         if ws.scene.loops:  # what an integrator hands to an effort function obeys them roughly
@@ -252,22 +259,6 @@ def solve_state(
     if held:
         ws.check_held(ws.a)
     ws.failures.check_roll_moments(ws.wrench)
-
-
-def _solved_as_given(
-    ws: Workspace,
-    q: np.ndarray,
-    v: np.ndarray,
-    effort: np.ndarray,
-    applied: list[AppliedWrench] | None,
-) -> bool:
-    """Solve a state; False where it is not closed, or not normalized, to 1e-8."""
-    try:
-        ws.solve(q, v, effort, applied)
-    except PinfricError:  # errors of the state come first
-        ws.failures.check_finite(ws.state)
-        return False
-    return ws.constraints.is_exact(q)
 
 
 def solution(ws: Workspace) -> Instant:
