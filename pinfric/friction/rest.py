@@ -337,16 +337,11 @@ class _Shared:
                 continue
             used = joint_sizes(x[group], block)
             most = float((used / np.where(limit > 0.0, limit, np.inf)).max())
-            slope = self._slope(x)[np.ix_(group, group)]
+            owner, slope = p.coordinate[p.contact_entry], np.zeros((len(x), len(x)))  # of limits
+            add_load_slopes(p.contact, owner, p.grip[p.contact_entry], x, slope)
+            slope = slope[np.ix_(group, group)]
             new[group] = share_one(A, b, limit, slope, min(most, 1.0), block)
         return new
-
-    def _slope(self, x: np.ndarray) -> np.ndarray:
-        """(nc, nc) derivative of every static limit by every friction."""
-        p, out = self.problem, np.zeros((len(x), len(x)))
-        owner, weight = p.coordinate[p.contact_entry], p.grip[p.contact_entry]
-        add_load_slopes(p.contact, owner, weight, x, out)
-        return out
 
     def judge(self) -> int:
         """Write `verdict` and `way`; return how many coordinates break their law."""
@@ -374,19 +369,15 @@ class _Shared:
 
     def _against_limits(self, group: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Friction of each joint of a group, its limit, and whether it is beyond (not rounding)."""
-        x, block = self.y[group], self.mechanism.block[group]
+        p, x, block = self.problem, self.y[group], self.mechanism.block[group]
         size = joint_sizes(x, block)
         limit = np.where(x > 0.0, self.most[group], -self.least[group])
         ball = self.mechanism.ball[group]
         limit[ball] = self.most[group][ball]
-        return size, limit, size > limit + ROUNDING * (limit + self._rounding(group))
-
-    def _rounding(self, group: np.ndarray) -> float:
-        """Friction that corresponds to the size of the terms that rates are the sum of."""
-        p = self.problem
         slope = np.diag(p.rate_slope)[group]
         strongest = int(np.argmax(slope))
-        return float(p.rate_scale[group][strongest] / max(slope[strongest], 1e-300))
+        terms = p.rate_scale[group][strongest] / max(slope[strongest], 1e-300)  # of rates
+        return size, limit, size > limit + ROUNDING * (limit + terms)
 
 
 def anderson(step: _Shared, x: np.ndarray, sharp: float) -> tuple[np.ndarray | None, int]:
