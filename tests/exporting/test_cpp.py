@@ -149,7 +149,7 @@ PAYLOADS = """
 """
 
 
-@pytest.mark.parametrize("payload", map(yaml.safe_load, PAYLOADS.strip().splitlines()))
+@pytest.mark.parametrize("payload", [*map(yaml.safe_load, PAYLOADS.strip().splitlines())])
 def test_payloads_that_cannot_be_are_refused_and_change_nothing(headers, payload):
     scene = loadable()
     q, v, a = sampled(scene, 6, 5)
