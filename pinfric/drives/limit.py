@@ -122,7 +122,7 @@ def first_known(side: Figures, figures: Iterable[str]) -> Value:
 
 
 @dataclass
-class Drives:
+class Candidates:
     """One drive at a joint, or gears (rows) and motors (columns) of many: what rows read.
 
     Attributes:
@@ -144,7 +144,7 @@ class Drives:
     asked: Figures = field(default_factory=Figures)
     one: Candidate | None = None
 
-    def of_gears(self, rows: np.ndarray) -> Drives:
+    def of_gears(self, rows: np.ndarray) -> Candidates:
         """Return those with some of the gears; motors have one row, or are in the gears."""
 
         def some(values: np.ndarray) -> np.ndarray:
@@ -221,7 +221,7 @@ _NOTHING_ASKED = (
 )
 
 
-def read_drive(candidate: Candidate, motor: MotorCycle | None, case: JointCase) -> Drives:
+def read_drive(candidate: Candidate, motor: MotorCycle | None, case: JointCase) -> Candidates:
     """Return one drive as rows read it.
 
     Args:
@@ -248,7 +248,7 @@ def read_drive(candidate: Candidate, motor: MotorCycle | None, case: JointCase) 
     gear.backlash = number(candidate.backlash)
     if candidate.gear is None:  # a gearmotor has some of a gear's figures
         gear.stiffness = _figure(candidate.transmission, "stiffness")
-    return Drives(
+    return Candidates(
         gear,
         _numbers(ratings, MOTOR_FIGURES),
         candidate.ratio,
@@ -268,7 +268,7 @@ def _numbers(entry: Any, figures: Iterable[str]) -> Figures:
 
 #: What a sample of a motion asks, by name: the same need over a cycle. The motor's are at the rated
 #: shaft.
-SIGNALS: dict[str, Callable[[Drives], Value]] = {
+SIGNALS: dict[str, Callable[[Candidates], Value]] = {
     "motor torque": lambda d: d.asked.peak,
     "motor RMS torque": lambda d: d.asked.rms,
     "motor speed": lambda d: (1.0 if d.at_output else d.ratio) * d.demand.speed,
@@ -312,11 +312,11 @@ def signals(
     }
 
 
-Figure = Callable[[Drives], Value]
-Text = str | Callable[[Drives], str]
+Figure = Callable[[Candidates], Value]
+Text = str | Callable[[Candidates], str]
 
 
-def _always(_: Drives) -> bool:
+def _always(_: Candidates) -> bool:
     return True
 
 
@@ -356,34 +356,34 @@ class Limit:
     stage: str = "drive"
     reserve: str | float = 1.0
     condition: Text = ""
-    applies: Callable[[Drives], Value] = _always
+    applies: Callable[[Candidates], Value] = _always
     endless: str = ""
     key: str = ""
     optional: bool = False
-    verdict: Callable[[Drives], Criterion] | None = None
+    verdict: Callable[[Candidates], Criterion] | None = None
 
     def factor(self, conditions: Conditions) -> float:
         """Return the reserve."""
         return getattr(conditions, self.reserve) if isinstance(self.reserve, str) else self.reserve
 
-    def required(self, d: Drives) -> Value:
+    def required(self, d: Candidates) -> Value:
         """Return the need of the cycle with its reserve."""
         need = SIGNALS[self.need] if isinstance(self.need, str) else self.need
         return self.factor(d.conditions) * need(d)
 
-    def available(self, d: Drives) -> Value:
+    def available(self, d: Candidates) -> Value:
         """Return what the maker gives."""
         if not isinstance(self.gives, str):
             return self.gives(d)
         side, _, figure = self.gives.partition(".")
         return first_known(getattr(d, side), STAND_INS.get(figure, (figure,)))
 
-    def bound(self, d: Drives) -> float:
+    def bound(self, d: Candidates) -> float:
         """Return the largest need within the limit; infinite if there is none."""
         available = float(self.available(d)) if self.applies(d) else np.nan
         return np.inf if np.isnan(available) else available / self.factor(d.conditions)
 
-    def margin(self, d: Drives) -> Value:
+    def margin(self, d: Candidates) -> Value:
         """Return 1 - need/have, no less than -1e9; NaN where one is not known."""
         if (applies := self.applies(d)) is False:
             return np.nan
@@ -395,7 +395,7 @@ class Limit:
             )
         return np.maximum(margin, -1e9)
 
-    def _stand_in(self, d: Drives) -> str:
+    def _stand_in(self, d: Candidates) -> str:
         """Say which figure stands in for the one that is not printed."""
         if not isinstance(self.gives, str):
             return ""
@@ -407,7 +407,7 @@ class Limit:
                 return "" if name == figure else said
         return ""
 
-    def judge(self, d: Drives) -> Criterion:
+    def judge(self, d: Candidates) -> Criterion:
         """Return the criterion of one drive."""
         if self.verdict is not None:
             return self.verdict(d)
@@ -434,11 +434,11 @@ class Limit:
         return compare(self.name, required, available, unit, formula, source, missing, note, said)
 
 
-def never(_: Drives) -> bool:
+def never(_: Candidates) -> bool:
     """Apply to no drive: `size` has no figure for it."""
     return False
 
 
-def nothing(_: Drives) -> float:
+def nothing(_: Candidates) -> float:
     """Return no figure."""
     return np.nan

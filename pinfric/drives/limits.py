@@ -35,7 +35,7 @@ from pinfric.drives.limit import (
     GEAR_FIGURES,
     MOTOR_FIGURES,
     SIGNALS,
-    Drives,
+    Candidates,
     Figure,
     JointCase,
     Limit,
@@ -81,17 +81,17 @@ _LOOPS = "inertia about a joint of a closed loop"
 # ------------------------------------------------------------------------------------- motors
 
 
-def _of_motor(words: str) -> Callable[[Drives], str]:
+def _of_motor(words: str) -> Callable[[Candidates], str]:
     """What is missing: of the motor's torque, else the figure itself."""
     return lambda d: d.missing or words
 
 
-def _derived(figure: str) -> Callable[[Drives], str]:
+def _derived(figure: str) -> Callable[[Candidates], str]:
     """Say how a figure follows from others."""
     return lambda d: "; ".join(text for of, text in d.ratings.derived if of == figure)
 
 
-def _continuous_note(d: Drives) -> str:
+def _continuous_note(d: Candidates) -> str:
     """Say how the rating was found, and when a stop exceeds it: it assumes that the rotor turns."""
     ratings, figures = d.ratings, d.asked.figures
     limit, derated = ratings.continuous_at(d.conditions, d.asked.mean_speed)
@@ -108,30 +108,30 @@ def _continuous_note(d: Drives) -> str:
     return "; ".join(notes)
 
 
-def _lag(d: Drives) -> Lag:
+def _lag(d: Candidates) -> Lag:
     thermal = d.ratings.thermal_at(d.conditions)
     return heat_lag(thermal, d.ratings.thermal_time, d.conditions)
 
 
-def _cooled(d: Drives) -> str:
+def _cooled(d: Candidates) -> str:
     """The conditions that derate the continuous torque."""
     of_class = d.ratings.max_winding_printed is None and d.ratings.ambient_curve is None
     return "ambient" + " max_winding" * of_class + " cooling" * (d.ratings.aired(d.conditions) < 1)
 
 
-def _stalled(d: Drives) -> str:
+def _stalled(d: Candidates) -> str:
     """The same, and the time constant where the winding's is not printed."""
     thermal = d.ratings.thermal
     printed = thermal is not None and thermal.winding_time is not None
     return _cooled(d) + " thermal_time" * (not printed)
 
 
-def _warmed(d: Drives) -> str:
+def _warmed(d: Candidates) -> str:
     """The same, and the time constant where neither the winding's nor the motor's is printed."""
     return _stalled(d) if d.ratings.thermal_time is None else _cooled(d)
 
 
-def _heat_formula(d: Drives) -> str:
+def _heat_formula(d: Candidates) -> str:
     lag = _lag(d)
     parts = ("",) if len(lag.times) == 1 else tuple(f"{part:.3g} " for part in lag.parts)
     nodes = " + ".join(
@@ -140,46 +140,46 @@ def _heat_formula(d: Drives) -> str:
     return f"sqrt(max({nodes})) <= continuous torque{d.output}; tau theta' + theta = T_m^2, settled"
 
 
-def _window(d: Drives) -> tuple[float, str]:
+def _window(d: Candidates) -> tuple[float, str]:
     return standstill_time(d.ratings.thermal, d.conditions)
 
 
-def _standing_formula(d: Drives) -> str:
+def _standing_formula(d: Candidates) -> str:
     ratings, of = d.ratings, f"{STALLED:g} x continuous torque, by rule,"
     if ratings.continuous_stall_torque is not None or ratings.continuous_curve is not None:
         of = "continuous stall torque"
     return f"longest standstill with |T_m| > {of} <= {_window(d)[0]:.3g} s"
 
 
-def _has_line(d: Drives) -> Value:
+def _has_line(d: Candidates) -> Value:
     electric = d.motor.torque_constant * d.motor.resistance
     return ~np.isnan(electric) | ~np.isnan(d.motor.no_load_speed * d.motor.stall_torque)
 
 
-def _most_voltage(d: Drives) -> Value:
+def _most_voltage(d: Candidates) -> Value:
     any_winding = d.conditions.bus_voltage <= EXTRA_LOW_VOLTAGE
     rule = np.inf if any_winding else MOST_OVERVOLTAGE * d.motor.nominal_voltage
     return np.where(np.isnan(d.motor.max_voltage), rule, d.motor.max_voltage)
 
 
-def _at_its_voltage_only(d: Drives) -> Value:
+def _at_its_voltage_only(d: Candidates) -> Value:
     known = _has_line(d) | np.isnan(first_known(d.motor, STAND_INS["max_speed"]))
     return ~known & ~np.isnan(d.motor.nominal_voltage)
 
 
-def _line_formula(d: Drives) -> str:
+def _line_formula(d: Candidates) -> str:
     if d.ratings.torque_constant is None or d.ratings.resistance is None:
         return "U_n max |T_m/T_stall + omega/omega_no-load| <= bus voltage"
     return "max |R(T_w) T_m/k + k omega| <= bus voltage"
 
 
-def _winding_room(d: Drives) -> float:
+def _winding_room(d: Candidates) -> float:
     if d.ratings.thermal is None:
         return np.nan
     return d.ratings.max_winding(d.conditions) - d.conditions.ambient
 
 
-def _winding_rise(d: Drives) -> float:
+def _winding_rise(d: Candidates) -> float:
     """max T_w - T_a; infinite where it runs away; at the mean heat where that is too hot already.
 
     The peak is at least the temperature at the mean heat.
@@ -192,13 +192,13 @@ def _winding_rise(d: Drives) -> float:
     return mean - ambient if np.isinf(mean) or mean - ambient > room else np.nan
 
 
-def _winding_formula(d: Drives) -> str:
+def _winding_formula(d: Candidates) -> str:
     if np.isnan(d.asked.peak_temperature) and not np.isnan(_winding_rise(d)):
         return "temperature at the mean heat: T_w - T_a"
     return "settled cycle of the two-node model: max T_w - T_a"
 
 
-def _winding_missing(d: Drives) -> str:
+def _winding_missing(d: Candidates) -> str:
     if not np.isnan(d.asked.mean_temperature):
         return "thermal time constants"
     r = d.ratings
@@ -209,7 +209,7 @@ def _winding_missing(d: Drives) -> str:
     return d.missing or (f"{', '.join(first)} and {last}" if first else last)
 
 
-def _winding_note(d: Drives) -> str:
+def _winding_note(d: Candidates) -> str:
     room, mean, rise = _winding_room(d), d.asked.mean_temperature, _winding_rise(d)
     if room <= 0:
         return too_hot(d.conditions.ambient, d.conditions.ambient + room)
@@ -228,22 +228,22 @@ def _amplified(current: str) -> Figure:
     return lambda d: number(amplifier_torque(d.candidate, current)[0])
 
 
-def _amperes(current: str) -> Callable[[Drives], str]:
+def _amperes(current: str) -> Callable[[Candidates], str]:
     return lambda d: amplifier_torque(d.candidate, current)[1]
 
 
-def _overdrive_time(d: Drives) -> float:
+def _overdrive_time(d: Candidates) -> float:
     amplifier = d.candidate.amplifier
     if d.asked.overdriven == 0:
         return np.inf
     return np.nan if amplifier is None else number(amplifier.peak_time)
 
 
-def _fed(d: Drives) -> bool:
+def _fed(d: Candidates) -> bool:
     return d.candidate.amplifier is not None
 
 
-def _of_amplifier(figure: str) -> Callable[[Drives], str]:
+def _of_amplifier(figure: str) -> Callable[[Candidates], str]:
     """What is missing: of the motor's torque, its torque constant, else the amplifier's figure."""
     return lambda d: (
         d.missing
@@ -253,21 +253,21 @@ def _of_amplifier(figure: str) -> Callable[[Drives], str]:
     )
 
 
-def _steps(d: Drives) -> bool:
+def _steps(d: Candidates) -> bool:
     """Whether one drive has a stepper motor."""
     return d.one is not None and d.ratings.stepper is not None
 
 
-def _turns_smoothly(d: Drives) -> bool:
+def _turns_smoothly(d: Candidates) -> bool:
     return not _steps(d)
 
 
-def _stepper(d: Drives) -> Stepper:
+def _stepper(d: Candidates) -> Stepper:
     assert d.ratings.stepper is not None  # its rows are for steppers
     return d.ratings.stepper
 
 
-def _pull_out_source(d: Drives) -> str:
+def _pull_out_source(d: Candidates) -> str:
     stepper = _stepper(d)
     if stepper.pull_out is None:
         return f"by rule: {COMPUTED_CURVE:g} of the curve of resistance, inductance, holding torque"
@@ -276,7 +276,7 @@ def _pull_out_source(d: Drives) -> str:
     )
 
 
-def _pull_out_note(d: Drives) -> str:
+def _pull_out_note(d: Candidates) -> str:
     stepper, speed = _stepper(d), (1.0 if d.at_output else d.ratio) * d.demand.speed
     bus = d.conditions.bus_voltage
     top = float(pull_out_torque(stepper, np.array([speed]), bus)[0])
@@ -285,7 +285,7 @@ def _pull_out_note(d: Drives) -> str:
     return f"{top:.3g} N m at {speed:.4g} rad/s, its fastest; a lost step is not seen" + scaled
 
 
-def _held_heat(d: Drives) -> float:
+def _held_heat(d: Candidates) -> float:
     """Temperature rise, K, of a current that falls at rest."""
     stepper, cycle = _stepper(d), d.case.cycle
     share = np.where(cycle.standing, stepper.standstill_current, 1.0) * cycle.powered
@@ -370,42 +370,42 @@ MOTOR_LIMITS = [
 # -------------------------------------------------------------------------------------- gears
 
 
-def _has_gear(d: Drives) -> bool:
+def _has_gear(d: Candidates) -> bool:
     return d.one is None or d.one.gear is not None
 
 
-def _linear(d: Drives) -> bool:
+def _linear(d: Candidates) -> bool:
     return d.linear and _has_gear(d)
 
 
-def _shocked(d: Drives) -> bool:
+def _shocked(d: Candidates) -> bool:
     """Whether a gear bears collisions and stops: also one inside of a gearmotor with a brake."""
     return _has_gear(d) or (d.candidate.brake != "" and d.ratio != 1.0)
 
 
-def _collision(d: Drives) -> float:
+def _collision(d: Candidates) -> float:
     wanted = number(d.conditions.collision_effort.get(d.demand.name))
     return float(np.fmax(wanted, d.case.stop_effort))
 
 
-def _rolls(d: Drives) -> Value:
+def _rolls(d: Candidates) -> Value:
     """Which gears are cycloidal."""
     return ~np.isnan(d.gear.rollers)
 
 
-def _average_torque(d: Drives) -> Value:
+def _average_torque(d: Candidates) -> Value:
     """The mean that wears a gear: of cycloidal ones with the exponent of rollers."""
     if not np.any(_rolls(d)):
         return d.demand.mean_cubic
     return np.where(_rolls(d), _rollers_torque(d), d.demand.mean_cubic)
 
 
-def _rollers_torque(d: Drives) -> float:
+def _rollers_torque(d: Candidates) -> float:
     cycle = d.case.cycle
     return average_output_effort(cycle.stretched, cycle.ends[0], cycle.velocity, ROLLER)
 
 
-def _speed_under_load(d: Drives) -> Value:
+def _speed_under_load(d: Candidates) -> Value:
     """Mean input speed while the joint moves, pauses left out."""
     cycle = d.case.cycle
     moving = share(cycle.stretched, np.abs(cycle.velocity) > cycle.stick_velocity)
@@ -413,35 +413,35 @@ def _speed_under_load(d: Drives) -> Value:
     return d.ratio * (min(speed / moving, d.demand.speed) if moving > 0 else 0.0)
 
 
-def _by_stop(d: Drives) -> bool:
+def _by_stop(d: Candidates) -> bool:
     return d.case.stop_effort == _collision(d)
 
 
-def _shock_missing(d: Drives) -> str:
+def _shock_missing(d: Candidates) -> str:
     if not np.isnan(_collision(d)):
         return "momentary peak" + " of the gear in the gearmotor" * (not _has_gear(d))
     stopped = "peaks of stops, of a closed loop or a joint with several drives"
     return stopped if d.candidate.brake else "conditions.collision_effort"
 
 
-def _shock_note(d: Drives) -> str:
+def _shock_note(d: Candidates) -> str:
     note = f"{d.case.stop_note}; {d.candidate.brake_note}"
     return note.strip("; ") if _by_stop(d) else ""
 
 
-def _by_rule(d: Drives) -> bool:
+def _by_rule(d: Candidates) -> bool:
     """Whether the number of momentary peaks follows from the maker's rule, not from a figure."""
     return np.isnan(d.gear.momentary_peaks) and d.entry.kind == "strain wave"
 
 
-def _momentary_peaks(d: Drives) -> float:
+def _momentary_peaks(d: Candidates) -> float:
     wanted = d.conditions.collisions
     if wanted is None or not _by_rule(d):
         return d.gear.momentary_peaks
     return momentary_peaks(d.ratio * d.demand.speed, wanted.duration)
 
 
-def _gear_life(d: Drives) -> float:
+def _gear_life(d: Candidates) -> float:
     if not _has_gear(d):  # a gearmotor: its maker prints no life
         return np.nan
     life, speed, torque = d.gear.nominal_life, d.gear.rated_speed, d.gear.rated_torque
@@ -477,23 +477,23 @@ _STRAIN_WAVE_LIFE = (
 _PLANETARY_LIFE, _CYCLOIDAL_LIFE = 20_000.0, 6_000.0
 
 
-def _life_of(d: Drives) -> tuple[str, str]:
+def _life_of(d: Candidates) -> tuple[str, str]:
     return _LIVES.get(d.entry.kind if _has_gear(d) else "", _STRAIN_WAVE_LIFE)
 
 
-def _above_rated(d: Drives) -> np.ndarray:
+def _above_rated(d: Candidates) -> np.ndarray:
     """(T,) at which samples a gear bears more than its nominal torque."""
     return np.abs(d.case.cycle.ends[0]) > d.gear.rated_torque
 
 
-def _peak_turns(d: Drives) -> float:
+def _peak_turns(d: Candidates) -> float:
     """Output turns above the nominal torque in the gear's life: as asked for, else 20,000 h."""
     cycle, hours = d.case.cycle, d.conditions.life or _PLANETARY_LIFE
     rate = mean(cycle.stretched, np.abs(cycle.velocity) * _above_rated(d))
     return rate / (2 * np.pi) * 3600 * hours
 
 
-def _peaks_per_hour(d: Drives) -> float:
+def _peaks_per_hour(d: Candidates) -> float:
     """How often an hour the nominal torque is exceeded; a cycle that begins so follows another."""
     cycle, above, rises = d.case.cycle, _above_rated(d), 0.0
     runs, starts = cycle.schedule.repeats, cycle.schedule.starts
@@ -504,11 +504,11 @@ def _peaks_per_hour(d: Drives) -> float:
     return rises * 3600 / float(cycle.stretched[-1] - cycle.stretched[0])
 
 
-def _printed(figure: str) -> Callable[[Drives], bool]:
+def _printed(figure: str) -> Callable[[Candidates], bool]:
     return lambda d: d.one is not None and _has_gear(d) and getattr(d.entry, figure) is not None
 
 
-def _screw(d: Drives) -> bool:
+def _screw(d: Candidates) -> bool:
     return d.one is not None and d.one.gear is not None and "screw" in d.one.gear.kind
 
 
@@ -517,20 +517,20 @@ def _of_screw(rule: Callable[[Screw], float | None]) -> Figure:
     return lambda d: np.nan if d.entry.screw is None else number(rule(d.entry.screw))
 
 
-def _buckling(d: Drives) -> float:
+def _buckling(d: Candidates) -> float:
     """By Euler; of a complete unit, which has a stroke, the maker's force."""
     if d.entry.screw is not None:
         return buckling_load(d.entry.screw)
     return d.gear.rated_torque if d.entry.stroke is not None else np.nan
 
 
-def _buckling_note(d: Drives) -> str:
+def _buckling_note(d: Candidates) -> str:
     if d.entry.screw is not None or np.isnan(_buckling(d)):
         return ""
     return f"the maker's rated force of a unit of {d.entry.stroke:g} m stroke"
 
 
-def _tightest(d: Drives) -> tuple[float, float]:
+def _tightest(d: Candidates) -> tuple[float, float]:
     """The effort and the maker's limit at its speed, at the sample where least of it is left."""
     assert d.entry.effort_curve is not None  # the row is for gears that have one
     at, limits = np.transpose(d.entry.effort_curve)
@@ -542,11 +542,11 @@ def _tightest(d: Drives) -> tuple[float, float]:
     return float(effort[k]), float(allowed[k])
 
 
-def _of_nut(needs: Callable[[Nut, Drives], float | None]) -> Figure:
+def _of_nut(needs: Callable[[Nut, Candidates], float | None]) -> Figure:
     return lambda d: np.nan if d.entry.nut is None else number(needs(d.entry.nut, d))
 
 
-def _lead_screw(d: Drives) -> bool:
+def _lead_screw(d: Candidates) -> bool:
     return _screw(d) and d.entry.kind == "lead screw"
 
 
@@ -637,16 +637,16 @@ GEAR_LIMITS = [
 # ----------------------------------------------------------------------------------- bearings
 
 
-def _turning(d: Drives) -> bool:
+def _turning(d: Candidates) -> bool:
     return not d.linear
 
 
-def _on_nut(d: Drives) -> bool:
+def _on_nut(d: Candidates) -> bool:
     """Whether a joint slides by a screw's nut that is rated as a bearing, not one that slides."""
     return d.linear and _screw(d) and d.entry.nut is None
 
 
-def _rule(d: Drives) -> str:
+def _rule(d: Candidates) -> str:
     """Where the rule is from, and the ratings, where they are from elsewhere."""
     rule = KINDS[d.bearing.kind].source
     return f"{rule}; ratings: {d.bearing.source}" if d.bearing.source else rule
@@ -664,14 +664,14 @@ def _static_safety(bearing: BearingRatings, load: BearingLoad) -> float | None:
     return rating / carried if carried > 0 else np.inf
 
 
-def _safety_formula(d: Drives) -> str:
+def _safety_formula(d: Candidates) -> str:
     if d.bearing.rule is None or d.bearing.screw:
         return "f_s = C_0/P_0"
     x, y = d.bearing.rule.static
     return f"f_s = C_0/P_0, P_0 = {x:g} P_r + {y:g} F_a"
 
 
-def _bearing_life(d: Drives) -> float:
+def _bearing_life(d: Candidates) -> float:
     load, rating = d.demand.bearing, d.bearing.dynamic_rating
     equivalent = None if load is None else equivalent_load(d.bearing, load)
     if load is None or equivalent is None or rating is None:
@@ -681,25 +681,25 @@ def _bearing_life(d: Drives) -> float:
     return bearing_life(rating, d.conditions.shock * equivalent, speed, exponent)
 
 
-def _life_formula(d: Drives) -> str:
+def _life_formula(d: Candidates) -> str:
     exponent = "3" if KINDS[d.bearing.kind].exponent == BALL else "10/3"
     return f"L10 = 10^6 revolutions (C/({d.conditions.shock:g} P))^({exponent})"
 
 
-def _life_note(d: Drives) -> str:
+def _life_note(d: Candidates) -> str:
     equivalent = _borne(equivalent_load)(d)
     return "" if np.isnan(equivalent) else f"P = {equivalent:.4g} N"
 
 
-def _of_bearing(figure: str) -> Callable[[Drives], str]:
+def _of_bearing(figure: str) -> Callable[[Candidates], str]:
     return lambda d: figure if d.demand.bearing else "the joint's wrench"
 
 
-def _rated(what: str, carried: Callable[[Drives], bool], names: Collection[str]) -> list[Limit]:
+def _rated(what: str, carried: Callable[[Candidates], bool], names: Collection[str]) -> list[Limit]:
     """The rows of what carries a joint, whose ratings are known."""
     static = "static load rating C_0 or pitch diameter"
 
-    def applies(d: Drives) -> bool:
+    def applies(d: Candidates) -> bool:
         return d.one is not None and carried(d) and d.one.bearing is not None
 
     # fmt: off
@@ -731,7 +731,7 @@ def _rated(what: str, carried: Callable[[Drives], bool], names: Collection[str])
     ]
 
 
-def _unrated(name: str, kind: str, applies: Callable[[Drives], bool]) -> Limit:
+def _unrated(name: str, kind: str, applies: Callable[[Candidates], bool]) -> Limit:
     """The row that says that nothing is known of what carries a joint."""
     what = name.partition(" ")[0]
     missing = f"ratings of the {what}" + "; conditions.bearings" * (what == "guide")
@@ -739,11 +739,11 @@ def _unrated(name: str, kind: str, applies: Callable[[Drives], bool]) -> Limit:
     return Limit(name, nothing, nothing, "", formula, source, missing, applies=applies)
 
 
-def _bare(carried: Callable[[Drives], bool]) -> Callable[[Drives], bool]:
+def _bare(carried: Callable[[Candidates], bool]) -> Callable[[Candidates], bool]:
     return lambda d: carried(d) and d.candidate.bearing is None
 
 
-def _guided(d: Drives) -> bool:
+def _guided(d: Candidates) -> bool:
     """Whether a guide whose ratings are known carries the joint."""
     return d.linear and d.candidate.guide is not None
 
@@ -769,17 +769,17 @@ BEARING_LIMITS = [
 # ----------------------------------------------------------------------------- drive and load
 
 
-def _only_rated(d: Drives) -> bool:
+def _only_rated(d: Candidates) -> bool:
     """Whether there is no cycle whose frequencies could be demanded, only a rating's postures."""
     return d.case.swung == 0.0
 
 
-def _resonance(d: Drives) -> Value:
+def _resonance(d: Candidates) -> Value:
     with np.errstate(divide="ignore"):
         return resonance(d.gear.stiffness, number(d.case.swung or d.case.load_inertia))
 
 
-def _back_driving(d: Drives) -> Criterion:
+def _back_driving(d: Candidates) -> Criterion:
     candidate, wanted = d.candidate, d.conditions.back_driving
     name, formula = "back-driving", "eta_b > 0: a large enough load moves the motor"
     source = "Harmonic Drive: do not rely on the back-driving torque to hold a load"
@@ -856,7 +856,7 @@ def check(candidate: Candidate, motor: MotorCycle | None, case: JointCase) -> tu
     return criteria(read_drive(candidate, motor, case))
 
 
-def criteria(d: Drives) -> tuple[Criterion, ...]:
+def criteria(d: Candidates) -> tuple[Criterion, ...]:
     """Return every criterion of one drive, in the order of the table."""
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
         return tuple(limit.judge(d) for limit in LIMITS if limit.applies(d))

@@ -250,7 +250,7 @@ class Demanded:
 
 
 @dataclass(frozen=True)
-class Choice:
+class DriveChoice:
     """Drives taken, by their columns: those that fit, provisional ones, the closest ones.
 
     Attributes:
@@ -279,7 +279,7 @@ def _names(taken: Mapping[int, Assessment]) -> dict[int, str]:
     return {i: assessment.name for i, assessment in taken.items()}
 
 
-def bearing_stops(task: Task, demanded: Demanded | None = None) -> Choice:
+def bearing_stops(task: Task, demanded: Demanded | None = None) -> DriveChoice:
     """Choose; gears must bear the stops of all joints together with this choice; again.
 
     Until the choice bears its own stops and none lighter would do: what it takes depends on no
@@ -360,7 +360,7 @@ def _stop_peaks(
     return most, tuple(powers)
 
 
-def choose(task: Task, demanded: Demanded) -> Choice:
+def choose(task: Task, demanded: Demanded) -> DriveChoice:
     """Return the lightest drives that fit, each with the masses of those beyond it in the model.
 
     Warns:
@@ -368,7 +368,7 @@ def choose(task: Task, demanded: Demanded) -> Choice:
     """
     taken: dict[int, Assessment] = {}
     if task.catalog is None:
-        return Choice(taken, demanded)
+        return DriveChoice(taken, demanded)
     seen: list[dict[int, Assessment]] = []
     for passes in range(1, _MOST_PASSES + 1):
         before = _names(taken)
@@ -388,7 +388,7 @@ def choose(task: Task, demanded: Demanded) -> Choice:
         taken |= _shared(task, taken, searches)
         exact = {k: m for k, m in task.added(taken).items() if m and carried(task.scene, k)}
         if _names(taken) == before and (task.robot.exact or task.robot.last.masses == exact):
-            return Choice(taken, demanded, passes)
+            return DriveChoice(taken, demanded, passes)
         for robot in task.robots.values():
             robot.solve(task.added(taken))
         demanded = _ban(task, demanded, seen, taken)
@@ -397,7 +397,7 @@ def choose(task: Task, demanded: Demanded) -> Choice:
         PinfricWarning,
         stacklevel=4,
     )
-    return Choice(taken, demanded, _MOST_PASSES, settled=False)
+    return DriveChoice(taken, demanded, _MOST_PASSES, settled=False)
 
 
 def search_at(
@@ -551,7 +551,7 @@ def contradiction(task: Task, taken: Mapping[int, Assessment]) -> str:
     )
 
 
-def light_enough(task: Task, choice: Choice) -> tuple[Choice, str] | None:
+def light_enough(task: Task, choice: DriveChoice) -> tuple[DriveChoice, str] | None:
     """Return a choice of drives that the links can hold, and what is said of it; None: none is.
 
     None of it need be signed: each is at most its part of the links that weigh least for the

@@ -39,7 +39,7 @@ from pinfric.drives.drivetrain import (
 from pinfric.drives.limit import (
     GEAR_FIGURES,
     MOTOR_FIGURES,
-    Drives,
+    Candidates,
     Figures,
     JointCase,
     Limit,
@@ -81,7 +81,7 @@ class Assessment:
         would: of a provisional drive, what these must be; else empty.
     """
 
-    drives: Drives
+    drives: Candidates
     lacks: tuple[str, ...] = ()
     would: tuple[str, ...] = ()
 
@@ -215,7 +215,7 @@ class _Group:
         brake_group: of each motor, those of one number go with the same `brakes` (`brakes_for`).
     """
 
-    drives: Drives
+    drives: Candidates
     mass: np.ndarray
     fits: np.ndarray
     names: list[str]
@@ -364,7 +364,7 @@ def _of_gears(
         return cache[key]
 
     return _Group(
-        drives=Drives(
+        drives=Candidates(
             gear=columns(entries, GEAR_FIGURES).each(_upright),
             motor=columns(ratings, MOTOR_FIGURES).each(np.atleast_2d),
             ratio=_upright([ratio for _, _, ratio in gears]),
@@ -418,7 +418,7 @@ def _of_gearmotors(alone: list[tuple[str, GearMotor]], conditions: Conditions) -
     ratings = [ratings_of(entry) for entry in entries]
     own = columns(entries, ("mass", "rotor_inertia", "ratio")).each(_upright)
     return _Group(
-        drives=Drives(
+        drives=Candidates(
             gear=columns(entries, GEAR_FIGURES).each(_upright),
             motor=columns(ratings, MOTOR_FIGURES).each(_upright),
             ratio=own.ratio,

@@ -23,7 +23,7 @@ import numpy as np
 
 from pinfric.drives.catalog import Gear, GearMotor
 from pinfric.drives.drivetrain import Candidate, gearmotor_drive, motor_with_gear
-from pinfric.drives.limit import Drives
+from pinfric.drives.limit import Candidates
 from pinfric.drives.policy import BEARING, EXTRA_INERTIAS, HOBBY, OWN_BEARING, PROVISIONAL
 
 if TYPE_CHECKING:  # it is above this module
@@ -140,7 +140,7 @@ def _judged(search: DriveSearch, b: int, g: int, m: int, hot: bool) -> Assessmen
     return replace(assessment, would=tuple(said))
 
 
-def _turned(d: Drives, lacks: set[str]) -> list[str]:
+def _turned(d: Candidates, lacks: set[str]) -> list[str]:
     """What the figures that only stand beside others must be."""
     said, (_, rate) = list[str](), d.candidate.units
     if "stiffness" in lacks and d.case.load_inertia:

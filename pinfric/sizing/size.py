@@ -39,8 +39,8 @@ from pinfric.motions.rating import Rating, rate
 from pinfric.motions.summary import beyond_limits, effort_unit, rms
 from pinfric.sizing.caveats import caveats, discontinuities, unclosed
 from pinfric.sizing.choice import (
-    Choice,
     Demanded,
+    DriveChoice,
     Task,
     bearing_stops,
     brakes_of,
@@ -485,7 +485,7 @@ def _sized(task: Task) -> SizingReport:
     return replace(report, stops=stops, no_stops=why, other_mass=_other_mass(task, choice))
 
 
-def _report(task: Task, choice: Choice, impossible: str) -> SizingReport:
+def _report(task: Task, choice: DriveChoice, impossible: str) -> SizingReport:
     """The report of a choice, without its stops."""
     joints = tuple(_joint(task, choice, i) for i in range(len(task.scene.drives)))
     chosen = {i: a.candidate for i, a in choice.taken.items()}
@@ -522,7 +522,7 @@ def _report(task: Task, choice: Choice, impossible: str) -> SizingReport:
     )
 
 
-def _other_mass(task: Task, choice: Choice) -> float | None:
+def _other_mass(task: Task, choice: DriveChoice) -> float | None:
     """Mass of the drives if the links hold them; None: as `SizingReport.other_mass`."""
     scene = task.scene
     names, holds = scene.actuator_names, scene.masses_hold
@@ -558,7 +558,7 @@ def _stopped(task: Task, report: SizingReport) -> tuple[StopResult | None, str]:
         return None, str(problem)
 
 
-def _joint(task: Task, choice: Choice, i: int) -> JointSizing:
+def _joint(task: Task, choice: DriveChoice, i: int) -> JointSizing:
     """The joint with all chosen drives in the model."""
     masses, drive = task.added(choice.taken), choice.taken.get(i)
     of_joint = cases(task, i, masses, choice.demanded)

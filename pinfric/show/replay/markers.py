@@ -15,7 +15,7 @@ import pinocchio as pin
 from pinfric.model.loops import turn_between
 from pinfric.model.scene import Scene, Site
 from pinfric.show.figure.style import BLUE, GREEN, ORANGE, PALE_RED, RED, SKY, YELLOW
-from pinfric.show.replay.meshes import Shape
+from pinfric.show.replay.meshes import DrawnShape
 from pinfric.show.replay.shapes import UP, linkage_frame
 
 #: What a site does -> its colour.
@@ -76,7 +76,7 @@ class Marker:
     turn: np.ndarray
 
 
-def site_marker(scene: Scene, site: Site, shapes: Sequence[Shape], size: float) -> Marker:
+def site_marker(scene: Scene, site: Site, shapes: Sequence[DrawnShape], size: float) -> Marker:
     """Place a site's ring round its axis at the bearing's middle, outside the links if it can.
 
     A cylinder's is at its end b, round its line as that is at the start, and turns with that link.
@@ -121,7 +121,7 @@ def _outside(
     scene: Scene,
     joint: int,
     placement: pin.SE3,
-    shapes: Sequence[Shape],
+    shapes: Sequence[DrawnShape],
     limits: tuple[float, float],
 ) -> float:
     """Radius of a ring about z of `placement` that is outside most of the links; 0 for none."""

@@ -25,7 +25,7 @@ _MOST_TRIANGLES, _CELL = 80_000, 0.001
 
 
 @dataclass(frozen=True)
-class Shape:
+class DrawnShape:
     """What is seen of a link: a `<visual>`, or what stands for it.
 
     Attributes:
@@ -48,7 +48,7 @@ class Shape:
         return box @ self.placement.rotation.T + self.placement.translation
 
 
-def urdf_visuals(model: pin.Model, robot: Robot) -> tuple[list[Shape], dict[str, str]]:
+def urdf_visuals(model: pin.Model, robot: Robot) -> tuple[list[DrawnShape], dict[str, str]]:
     """Return a URDF's visuals, and those that cannot be had: file name -> why.
 
     Args:
@@ -60,7 +60,7 @@ def urdf_visuals(model: pin.Model, robot: Robot) -> tuple[list[Shape], dict[str,
     except Exception as problem:  # a colour that is no number, say: it must not stop the replay
         return [], {"its <visual>s": str(problem)}
     named = {m.name: m.color for m in document.materials or () if m.color is not None}
-    shapes: list[Shape] = []
+    shapes: list[DrawnShape] = []
     missing: dict[str, str] = {}
     loaded: dict[Path, Any] = {}
     for link in document.links:
@@ -82,7 +82,7 @@ def urdf_visuals(model: pin.Model, robot: Robot) -> tuple[list[Shape], dict[str,
                 mesh.visual.vertex_colors = (
                     np.clip(255 * color.rgba, 0, 255).round().astype(np.uint8)
                 )
-            shapes.append(Shape("visual", int(frame.parentJoint), placement, mesh))
+            shapes.append(DrawnShape("visual", int(frame.parentJoint), placement, mesh))
     return shapes, missing
 
 

@@ -17,7 +17,7 @@ from pinfric.errors import PinfricWarning
 from pinfric.model.equivalent_box import Box, equivalent_box
 from pinfric.model.loops import Linkage
 from pinfric.model.scene import Scene
-from pinfric.show.replay.meshes import Shape, painted, urdf_visuals
+from pinfric.show.replay.meshes import DrawnShape, painted, urdf_visuals
 
 #: Markers, arrows and cylinders are drawn along z, then turned.
 UP = np.array([0.0, 0.0, 1.0])
@@ -26,7 +26,7 @@ _BODY, _LINE = (143, 163, 181, 179), (93, 107, 120, 255)
 _THICK = 0.03
 
 
-def robot_shapes(scene: Scene) -> tuple[Shape, ...]:
+def robot_shapes(scene: Scene) -> tuple[DrawnShape, ...]:
     """Return what to draw; meshes that are not there are replaced, with one `PinfricWarning`."""
     from trimesh import creation
 
@@ -52,12 +52,12 @@ def robot_shapes(scene: Scene) -> tuple[Shape, ...]:
     for joint in range(1, model.njoints):
         box = None if joint in dressed else equivalent_box(model.inertias[joint])
         if box is not None:
-            shapes.append(Shape("body", joint, box.placement, box_mesh(box, _BODY)))
+            shapes.append(DrawnShape("body", joint, box.placement, box_mesh(box, _BODY)))
     for joint, end in ends:
         if joint not in dressed and np.linalg.norm(end) > 1e-6:
             radius = _THICK * float(np.linalg.norm(end))
             rod = painted(creation.cylinder(radius, segment=[np.zeros(3), end]), _LINE)
-            shapes.append(Shape("line", joint, pin.SE3.Identity(), rod))
+            shapes.append(DrawnShape("line", joint, pin.SE3.Identity(), rod))
     return tuple(shapes)
 
 

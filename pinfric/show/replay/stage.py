@@ -25,7 +25,7 @@ from pinfric.model.scene import Scene, Site
 from pinfric.show.replay import markers
 from pinfric.show.replay.drawn import Surface, Track
 from pinfric.show.replay.markers import ARC, COLORS, FORCE_COLOR, PAYLOAD_COLOR, Marker
-from pinfric.show.replay.meshes import Shape, fewer_triangles
+from pinfric.show.replay.meshes import DrawnShape, fewer_triangles
 from pinfric.show.replay.shapes import UP, box_mesh, linkage_frame, robot_shapes
 from pinfric.show.timeline.frames import Frames
 
@@ -97,7 +97,7 @@ def set_stage(viewer: Any, scene: Scene, placements: np.ndarray) -> Stage:
     shapes = robot_shapes(scene)
     boxes = {name: payload_box(scene, payload) for name, payload in scene.payloads.items()}
     payloads = {
-        name: Shape("payload", joint, box.placement, box_mesh(box))
+        name: DrawnShape("payload", joint, box.placement, box_mesh(box))
         for name, (joint, box) in boxes.items()
     }
     points = [(shape.joint, shape.corners()) for shape in (*shapes, *payloads.values())]
@@ -232,7 +232,7 @@ def _draw_ball(
     node.set_transform(translation_matrix(place))
 
 
-def _draw_payload(node: Any, shape: Shape, scene: Scene, name: str, size: float) -> None:
+def _draw_payload(node: Any, shape: DrawnShape, scene: Scene, name: str, size: float) -> None:
     """Draw a payload as a box, and a rod from the origin of the link that carries it."""
     from trimesh import creation
 

@@ -12,7 +12,7 @@ from trimesh import creation
 
 import pinfric as pf
 from pinfric.show.replay.markers import site_marker
-from pinfric.show.replay.meshes import Shape
+from pinfric.show.replay.meshes import DrawnShape
 
 
 def jammed_drawer():
@@ -62,7 +62,7 @@ def test_rings_at_small_links_are_small_and_those_at_large_ones_are_not():
     found = {}
     for extent in (0.06, 0.6):
         sides = np.full(3, extent / np.sqrt(3.0))  # of a box with this diagonal, off the axis
-        shape = Shape("visual", 1, pin.SE3(np.eye(3), np.ones(3)), creation.box(sides))
+        shape = DrawnShape("visual", 1, pin.SE3(np.eye(3), np.ones(3)), creation.box(sides))
         found[extent] = site_marker(scene, site, [shape], size=1.5)
     assert found[0.06].radius == pytest.approx(0.4 * 0.06)
     assert found[0.6].radius == pytest.approx(0.04 * 1.5)
