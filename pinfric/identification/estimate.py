@@ -281,47 +281,45 @@ def _find_delay(found: Estimate, reload: bool = False) -> None:
 
 
 def _fit(found: Estimate, laws: Sequence[Sequence[Law]]) -> None:
-    """Fit the columns as they are, with laws chosen among those offered.
-
-    Rows and joints are weighed by what the fit before leaves; by its laws.
-    """
-    question, prepared, chosen = found.question, found.prepared, found.choice.laws
-    nj, fit = question.scene.model.nv, getattr(found, "fit", None)
-    found.rows = rows = tuple(joint_rows(prepared, j, found.delay.value) for j in range(nj))
+    """Fit the columns as they are, with laws chosen among those offered."""
+    # 1. rows at the present delay, and the parts of their blocks that are held out
+    question, nj = found.question, found.question.scene.model.nv
+    found.rows = rows = tuple(joint_rows(found.prepared, j, found.delay.value) for j in range(nj))
     every = np.concatenate([r.block for r in rows]), np.concatenate([r.log for r in rows])
-    folds = held_out_parts(*every)
-    row_weights = tuple(np.ones(r.effort.size) for r in rows)
     prior = urdf_prior(question.scene.model, question.keep_inertias)
-    problem = Problem((), np.ones(nj), prior, laws, folds, question.motor)
+    problem = Problem((), np.ones(nj), prior, laws, held_out_parts(*every), question.motor)
+    # 2. rows and joints are weighed by what the fit before leaves, with its laws
+    fit, row_weights = getattr(found, "fit", None), tuple(np.ones(r.effort.size) for r in rows)
     for _ in range(2):
         if fit is not None:
             row_weights, weights = weighted(rows, fit)
             problem = replace(problem, weights=weights)
-        pairs, problem = zip(rows, row_weights, strict=True), replace(problem, grams=())
+        problem = replace(problem, grams=())  # those of before take much memory
+        pairs = zip(rows, row_weights, strict=True)
         problem = replace(
-            problem, grams=tuple(BlockProducts.of(r, w, folds.size) for r, w in pairs)
+            problem, grams=tuple(BlockProducts.of(r, w, problem.folds.size) for r, w in pairs)
         )
         normal = problem.normal()
-        fit = FrictionNormalEquations(normal, prior).fit(problem.slots(chosen))
+        equations = FrictionNormalEquations(normal, prior)
+        fit = equations.fit(problem.slots(found.choice.laws))
+    # 3. laws
     first = all(tuple(own) == (PLAIN,) for own in laws)
-    choice = _unjudged(chosen) if first else choose(problem)
+    choice = found.choice if first else choose(problem)
     choice = choice.on_motors(mixed(question.scene.drives, nj))
-
-    def fitted(choice: Choice) -> Fit:
-        slots = problem.slots(choice.laws)
-        free = FrictionNormalEquations(normal, prior).fit(slots)
-        return consistent_fit(normal, prior, free, slots)
-
-    fit = fitted(choice)
+    # 4. links that can exist
+    slots = problem.slots(choice.laws)
+    fit = consistent_fit(normal, prior, equations.fit(slots), slots)
     if ends := _at_an_end(problem, choice, fit, scale_is_known(found)):
         one_loss = [
-            replace(law, both_ways=True) if j in ends else law for j, law in enumerate(choice.laws)
+            replace(x, both_ways=x.both_ways or j in ends) for j, x in enumerate(choice.laws)
         ]
         choice = replace(choice, laws=tuple(one_loss))
-        fit = fitted(choice)
-    for values, law, own in zip(fit.slots, choice.laws, problem.slots(choice.laws), strict=True):
+        slots = problem.slots(choice.laws)
+        fit = consistent_fit(normal, prior, equations.fit(slots), slots)
+    # 5. who moved one way only rubs as much the other way
+    for values, law, own in zip(fit.slots, choice.laws, slots, strict=True):
         dry = [slot for slot in COULOMB if slot in own]
-        if law.coulomb and len(dry) == 1:  # it moved one way only
+        if law.coulomb and len(dry) == 1:
             values[COULOMB] = values[dry[0]]
     found.row_weights, found.problem, found.choice, found.fit = row_weights, problem, choice, fit
     if not question.inertias_stay:
