@@ -92,8 +92,7 @@ class Question:
     Attributes:
         scene: the robot; its bearings are candidates.
         recordings: the logs.
-        at: what the logs' efforts are: "motor" or "reflected" (gear and rotor are in them; they
-            are stated at the joints here), or "joint".
+        at: what the logs' efforts are, one of `EFFORT_PLACES`; here they are stated at the joints.
         keep_inertias: the URDF's are right.
         laws: joint -> its law, where it is not to be chosen.
         gains: joints whose efforts' unit a person has said.

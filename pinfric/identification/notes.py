@@ -62,10 +62,9 @@ def notes(
         found: the estimate.
         rest: joint -> what its holds show.
         every: the coefficients.
-        static: joint, FORWARD or BACKWARD -> friction at which it broke away, where logged.
+        static: see `parameters`.
         shapes: what residuals still depend on.
-        uneven: joint -> half the difference of its Coulomb friction by direction, where it is
-            clearly large.
+        uneven: see `Uncertainty`.
     """
     lines = [
         f"{one.name}: {line}" for one in found.question.recordings for line in one.reading.notes

@@ -230,7 +230,7 @@ def identified_scene(found: Estimate, static: Mapping[tuple[int, int], BreakAway
 
     Args:
         found: the estimate, with the links' inertias.
-        static: joint, FORWARD or BACKWARD -> friction at which it broke away, where logged.
+        static: see `parameters`.
     """
     scene = found.scene
     friction: dict[str, Any] = dict(scene.friction)

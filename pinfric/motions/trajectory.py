@@ -322,11 +322,8 @@ def load_trajectory(
     Samples: CSV, Parquet or a ROS 2 bag; a column of time and one per joint (rad, m), under the
     names that robots and their tools give them (`log.columns`). In our own dialect `t` (s) and
     `<joint>`, optionally `<joint>.v`, `<joint>.a`, and `payload.<name>` with 1 where the payload is
-    carried (default: as the scene says). Lines that start with # are skipped. Missing derivatives
-    come from a quintic interpolating spline over t, per joint; where a joint stands still v = a = 0
-    exactly (`derivatives`). A missing `.a` beside a given `.v` is the derivative of a spline
-    through v. Positions with noise beyond rounding are low-passed first (`log.motion`), as
-    `reading` tells.
+    carried (default: as the scene says). Missing derivatives come from splines, holds have none
+    (`derivatives`); noisy positions are low-passed first (`log.motion`), as `reading` tells.
 
     Args:
         path: the file, or a bag's folder; where there is none, the bundled one of that name; or

@@ -60,8 +60,8 @@ class JudgedLog:
             filtered, or where loops close.
         peak_uncertainty: drive -> the same of its peak.
         measured: drive -> its own effort in the log, compared.
-        at: what the log's efforts are, one of `EFFORT_PLACES`.
-        notes: what they were taken for.
+        at: see `judge_log`.
+        notes: what its efforts were taken for.
     """
 
     reading: Reading
@@ -116,8 +116,7 @@ def judge_log(result: InverseResult, reading: Reading, at: str = "reflected") ->
     Args:
         result: inverse dynamics of the log's motion, with times.
         reading: of that log.
-        at: what its efforts are: "reflected" (motor torques times the ratios), "motor" (torques at
-            the shafts) or "joint" (behind the gears).
+        at: what its efforts are, one of `EFFORT_PLACES`.
 
     Raises:
         TrajectoryError: there is no such place.
