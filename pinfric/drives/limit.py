@@ -150,14 +150,8 @@ class Candidates:
         def some(values: np.ndarray) -> np.ndarray:
             return values if len(values) == 1 else values[rows]
 
-        return replace(
-            self,
-            gear=self.gear.each(some),
-            motor=self.motor.each(some),
-            ratio=some(self.ratio),
-            inertia=some(self.inertia),
-            heat=some(self.heat),
-        )
+        arrays: dict[str, Any] = {x: some(getattr(self, x)) for x in ("ratio", "inertia", "heat")}
+        return replace(self, gear=self.gear.each(some), motor=self.motor.each(some), **arrays)
 
     @property
     def conditions(self) -> Conditions:

@@ -73,6 +73,7 @@ class Task:
             for, and those of other scenes, whose duties `elsewhere` has.
         files: scene, URDF, cycles and catalogue. progress: called with a line at each step.
         unloaded: (nv,) joints that move no mass.
+        arrays: of the catalogue, by whether they are for sliding joints.
     """
 
     given: Scene
@@ -87,7 +88,7 @@ class Task:
     files: tuple[str, ...]
     unloaded: np.ndarray
     progress: Callable[[str], object]
-    _arrays: dict[bool, CatalogArrays] = field(default_factory=dict)
+    arrays: Mapping[bool, CatalogArrays]
 
     @property
     def robot(self) -> DrivenRobot:
@@ -114,13 +115,6 @@ class Task:
         """Return whether a drive's joint moves no mass."""
         column = self.scene.drives[i].velocity_index
         return column >= 0 and bool(self.unloaded[column])
-
-    def arrays(self, catalog: Catalog, linear: bool) -> CatalogArrays:
-        """Return the drives of the catalogue for turning, or for sliding joints."""
-        if linear not in self._arrays:
-            brakes = brakes_of(catalog, self.scene)
-            self._arrays[linear] = CatalogArrays(catalog, self.conditions, linear, brakes)
-        return self._arrays[linear]
 
     def one_cycle(self, scene: Scene, robot: DrivenRobot) -> Trajectory:
         """Return the cycles without a rating, or a rating alone, as a motion of a scene."""
@@ -208,6 +202,7 @@ def task_of(
             f"{scene.source}: no link that moves has a mass, so there is nothing to size: give "
             "the URDF's links an <inertial>; `pinfric new URDF --mass KG` makes a start"
         )
+    sliding = {effort_unit(scene, i) == "N" for i in range(len(scene.drives))}
     return Task(
         given,
         scene,
@@ -221,6 +216,9 @@ def task_of(
         tuple(map(str, files)),
         unloaded,
         progress,
+        {x: CatalogArrays(catalog, conditions, x, brakes_of(catalog, scene)) for x in sliding}
+        if catalog is not None
+        else {},
     )
 
 
@@ -413,7 +411,7 @@ def search_at(
         return None
     linear = effort_unit(task.scene, i) == "N"
     own = own_parts(catalog, task.conditions, task.scene.drives[i].name, linear)
-    arrays = task.arrays(catalog, linear)
+    arrays = task.arrays[linear]
     parts = Parts(own, demanded.banned.get(i, frozenset()), demanded.most)
     first, *others = cases(task, i, masses, demanded).values()
     return DriveSearch(arrays, first, parts, [DriveSearch(arrays, x, parts) for x in others])
