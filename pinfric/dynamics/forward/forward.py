@@ -169,7 +169,7 @@ def forward_dynamics(
             loop that is open or that the velocities violate (`LoopMotionError`), a toggle
             (`ToggleError`).
         NoConsistentAcceleration, AmbiguousAcceleration: no acceleration, or several, obey the laws.
-        UndecidedAcceleration: the search reached its limit (`friction/search.py`).
+        UndecidedAcceleration: the search ended before it found one, or ruled out others.
         RollMomentError: a guide without width is loaded by a moment about its axis.
 
     >>> import pinfric as pf
