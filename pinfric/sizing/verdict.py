@@ -128,7 +128,8 @@ class Verdict:
         said = f"{self.fitted} of {self.sized} joints can be signed"
         parts = [f"{said}, {len(provisional)} provisional" if provisional else said]
         if self.fitted:
-            parts.append(f"{self.mass:.2f} kg of drives")
+            these = " for these" * (self.fitted < self.sized)
+            parts.append(f"{self.mass:.2f} kg of drives{these}")
         if provisional:
             parts.append(f"{sum(joint.mass for joint in provisional):.2f} kg provisional")
         if unloaded := self.of(JointState.UNLOADED):

@@ -69,6 +69,7 @@ def test_of_a_rating_alone_gears_that_stops_would_overload_are_not_signed(tmp_pa
     wrong = {joint.name for joint in alone.verdict.of(JointState.FAILS)}
     assert "elbow_joint" in wrong
     assert alone.verdict.fitted == len(alone.joints) - len(wrong) > 0
+    assert f"; {alone.verdict.mass:.2f} kg of drives for these; " in alone.verdict.headline
     assert len(alone.verdict.failing) == len(wrong)
     for k, (joint, own) in enumerate(zip(alone.joints, alone.criteria, strict=True)):
         assert joint.choice is not None
