@@ -74,11 +74,7 @@ def complete_derivatives(
             is appended here.
     """
     v, a = table.velocity, table.acceleration
-    for i, column in enumerate(columns):
-        if not np.isnan(v[0, i]):
-            warnings += mismatch_warning(
-                column, table.t, table.position[:, i], v[:, i], table.resolution[i]
-            )
+    warnings += mismatch_warnings(columns, table)
     missing = [i for i in range(len(columns)) if np.isnan(v[0, i]) or np.isnan(a[0, i])]
     if missing:
         v, a = v.copy(), a.copy()
@@ -174,34 +170,43 @@ def _starts_and_ends_at_speed(t: FloatArray, slopes: FloatArray, speed: FloatArr
     return np.asarray(slowest >= _AT_SPEED * speed)
 
 
-def mismatch_warning(
-    column: JointColumn, t: FloatArray, q: FloatArray, v: FloatArray, resolution: float
-) -> list[str]:
-    """Compare the mean velocity of each time step by positions and by velocities.
+def mismatch_warnings(columns: Sequence[JointColumn], table: TrajectoryTable) -> list[str]:
+    """Return a line for each joint whose velocities are not those of its positions.
 
-    Both are of second order in the step, which is as fine as a share of a tenth asks for, and cost
-    little where a motion has millions of samples. Few rows with v = 0 are stops, not samples.
+    Compared are the mean velocities of each time step by both. They are of second order in the
+    step, which is as fine as a share of a tenth asks for, and cost little where a motion has
+    millions of samples. Few rows with v = 0 are stops, not samples.
+
+    Args:
+        columns: (nj,) the joints.
+        table: the motion; joints without velocities and times that do not increase are passed over.
     """
-    if t.size < 2:
+    t, found = table.t, []
+    steps = np.diff(t)
+    if t.size < 2 or (steps <= 0.0).any():
         return []
-    steps, moves = np.diff(t), np.diff(q)
-    if column.nq == 2:  # an angle may be written within +-pi
-        moves -= 2.0 * np.pi * np.round(moves / (2.0 * np.pi))
     dense = steps <= GAP_FACTOR * np.median(steps)
-    by_position = moves[dense] / steps[dense]
-    by_velocity = 0.5 * (v[1:] + v[:-1])[dense]
-    # two roundings of resolution / sqrt(12) each, and three standard deviations
-    noise = 3.0 * resolution / np.sqrt(6.0) / float(np.median(steps))
-    peak = max(float(np.abs(by_position).max()) - noise, float(np.abs(v).max()))
-    miss = float(np.sqrt(np.mean((by_position - by_velocity) ** 2)))
     share = _MISMATCH_SHARE if t.size >= _FEWEST_SAMPLES else _FEW_ROWS_MISMATCH
-    if miss <= share * peak + noise:
-        return []
-    return [
-        f"joint {column.name}: the velocities given do not fit the positions: they differ by "
-        f"{miss:.3g} {column.unit}/s (RMS) at speeds up to {peak:.3g}; check units, order and "
-        "sign, or leave the velocities out"
-    ]
+    every = zip(columns, table.position.T, table.velocity.T, table.resolution, strict=True)
+    for column, q, v, resolution in every:
+        if not np.isfinite(v).all():
+            continue
+        moves = np.diff(q)
+        if column.nq == 2:  # an angle may be written within +-pi
+            moves -= 2.0 * np.pi * np.round(moves / (2.0 * np.pi))
+        by_position = moves[dense] / steps[dense]
+        by_velocity = 0.5 * (v[1:] + v[:-1])[dense]
+        # two roundings of resolution / sqrt(12) each, and three standard deviations
+        noise = 3.0 * resolution / np.sqrt(6.0) / float(np.median(steps))
+        peak = max(float(np.abs(by_position).max()) - noise, float(np.abs(v).max()))
+        miss = float(np.sqrt(np.mean((by_position - by_velocity) ** 2)))
+        if miss > share * peak + noise:
+            found.append(
+                f"joint {column.name}: the velocities given do not fit the positions: they differ "
+                f"by {miss:.3g} {column.unit}/s (RMS) at speeds up to {peak:.3g}; check units, "
+                "order and sign, or leave the velocities out"
+            )
+    return found
 
 
 def _noise_warning(

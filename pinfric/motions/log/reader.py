@@ -40,7 +40,7 @@ from pinfric.motions.log.units import (
     time_factor,
     wrong_velocities,
 )
-from pinfric.motions.table import TrajectoryTable, mismatch_warning
+from pinfric.motions.table import TrajectoryTable, mismatch_warnings
 
 #: Endings of the files that are read here; a bag may be a folder, too.
 SUFFIXES = (".csv", ".tsv", ".txt", ".csv.gz", ".parquet", ".mat", ".npz", ".json", ".db3", ".mcap")
@@ -216,7 +216,7 @@ def _to_si(
     if measured or efforts:
         said.ask(wrong_velocities, named, t, position, velocity)
     if measured and not said.problems:
-        said.notes += _compared(named, table)
+        said.notes += mismatch_warnings(named, table)
         nothing = np.broadcast_to(np.nan, position.shape)
         table = replace(table, velocity=nothing, acceleration=nothing)
     reading = Reading(
@@ -337,17 +337,3 @@ def _phase(cells: LogFrame, name: str, problems: list[str]) -> BoolArray:
         where = listing(f"{values[i]:g} at line {cells.lines[i]}" for i in wrong.tolist())
         problems.append(f"column {PAYLOAD}{name}: 1 (carried) or 0, found {where}")
     return values == 1.0
-
-
-def _compared(named: Sequence[JointColumn], plan: TrajectoryTable) -> list[str]:
-    """Say where velocities that were measured do not fit the positions."""
-    if plan.t.size < 2 or (np.diff(plan.t) <= 0.0).any():
-        return []
-    return [
-        line
-        for i, column in enumerate(named)
-        if np.isfinite(plan.velocity[:, i]).all()
-        for line in mismatch_warning(
-            column, plan.t, plan.position[:, i], plan.velocity[:, i], plan.resolution[i]
-        )
-    ]
