@@ -329,7 +329,10 @@ def check_forward(scene, seed, rest, motors, tolerance=1e-7):
         return solver.forward(q, v, **{name: unit * u}).a[None]
 
     free, state = np.broadcast_to(still, (model.nv,) * 2), (*state[:2], state[2] / unit)
-    assert_close(derivatives, f, model, state, tolerance, free, (2e-4, 1e-5, 1e-6))
+    try:
+        assert_close(derivatives, f, model, state, tolerance, free, (2e-4, 1e-5, 1e-6))
+    except AmbiguousAcceleration:  # of one seed, less than 2e-4 rad beside the state
+        assert_close(derivatives, f, model, state, tolerance, free, (1e-5, 1e-6))
     return modes
 
 
