@@ -355,6 +355,12 @@ def _speeds(t: FloatArray, position: FloatArray) -> list[float]:
     steps = np.diff(t)
     if t.size < FEWEST or not (steps > 0.0).all():
         return []
-    apart = np.maximum(steps, np.mean(steps))  # rows written at once say nothing about speeds
-    # one joint after another: a long log fills much of the memory
-    return [float(np.quantile(unwrapped_steps(q) / apart, 0.99)) for q in position.T]
+    mean = np.mean(steps)  # rows written at once say nothing about speeds
+    speeds = []
+    for q in position.T:  # one joint after another: a long log fills much of the memory
+        speed = unwrapped_steps(q)
+        at = np.flatnonzero(speed)  # a source may hold its positions for some rows
+        since = np.diff(t[at + 1], prepend=t[0])
+        speed[at] /= np.maximum(since, mean)
+        speeds.append(float(np.quantile(speed, 0.99)))
+    return speeds

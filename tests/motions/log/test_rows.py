@@ -128,10 +128,13 @@ def test_a_clock_that_rounds_stamps_adds_no_acceleration(noise, tmp_path):
     assert_allclose(motion.a[100:-100, 0], truth[100:-100], atol=0.1)
 
 
-def test_positions_held_from_a_slower_source(tmp_path):
-    held = Q[np.arange(400) // 4 * 4]
+@pytest.mark.parametrize("rows", [4, 10])
+def test_positions_held_from_a_slower_source(rows, tmp_path):
+    held = Q[np.arange(400) // rows * rows]  # of 10 rows, steps are as of 4 times the limit
     motion = load(tmp_path, table(("t", *NAMES), T, held))
-    assert motion.warnings[0].startswith("positions change in every 4th row only: the 300 rows")
+    assert motion.warnings[0].startswith(
+        f"positions change in every {rows}th row only: the {400 - 400 // rows} rows"
+    )
     assert_allclose(motion.a[:, 0], -3.2 * np.sin(2 * motion.t), atol=0.01)
 
 
