@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 
 from pinfric.drives.brake import Stop, braking_torques, smallest_brake
-from pinfric.drives.catalog import Brake, Catalog, Gear, GearMotor, Motor
+from pinfric.drives.catalog import Brake, Catalog, Gear, GearMotor, Motor, Stepper
 from pinfric.drives.criterion import STEPS, Criterion
 from pinfric.drives.demand import largest, mean
 from pinfric.drives.drivetrain import (
@@ -238,6 +238,11 @@ class _Group:
     def signable(self) -> np.ndarray:
         """(nm,) of which motors every figure is known."""
         return np.array([not lacking for lacking in self.motor_lacks])
+
+    @cached_property
+    def steppers(self) -> list[tuple[int, Stepper]]:
+        """Place among motors of each stepper, with what its makers say of it."""
+        return [(m, motor.stepper) for m, motor in enumerate(self.motors) if motor.stepper]
 
     @cached_property
     def by_name(self) -> np.ndarray:
@@ -630,9 +635,7 @@ class DriveSearch:
         shares = np.full(ends[0][0].shape, np.nan)
         bus, slow = self.case.conditions.bus_voltage, self.case.cycle.stick_velocity
         half, speed = (np.stack([np.abs(end[k][:, 0]) for end in ends]) for k in (1, 2))
-        for m, motor in enumerate(group.motors):
-            if (stepper := motor.stepper) is None:
-                continue
+        for m, stepper in group.steppers:
             held = stepper.standstill_current * stepper.holding_torque
             most = pull_out_torque(stepper, speed, bus)
             most = np.where(speed <= 1e3 * slow, np.maximum(most, held), most)
@@ -791,11 +794,12 @@ class DriveSearch:
             for gears, least, mass in self._bounds(b, known[self.gear_margins[b][known] > worst]):
                 least = np.fmin(least, self.gear_margins[b][gears][:, None])
                 ok = (least > worst) & group.fits[gears] & group.signable & (mass < below)
-                rows, motors = np.nonzero(ok)
-                options += zip(
-                    (-least[rows, motors]).tolist(), mass[rows, motors].tolist(),
-                    [b] * len(rows), gears[rows].tolist(), motors.tolist(), strict=True,
-                )  # fmt: skip
+                if ok.sum() > _TRIED:
+                    ok &= least >= -np.partition(-least[ok], _TRIED - 1)[_TRIED - 1]
+                options += [
+                    (-float(least[k, m]), float(mass[k, m]), b, int(gears[k]), int(m))
+                    for k, m in np.argwhere(ok)
+                ]
         options.sort()
         best: Assessment | None = None
         for bound, _, b, g, m in options[:_TRIED]:

@@ -65,15 +65,20 @@ def _offers(search: DriveSearch) -> Iterator[tuple[int, float, int, int, int]]:
                 continue
             mass = group.mass[g]
             able = group.fits[g] & np.isfinite(mass) & (mass <= search.parts.most)
+            if not own:
+                able &= ~group.signable
             # else no bound is known: more inertia may help, and a servo may run hot
             if not EXTRA_INERTIAS & {*own} and not _by_stall(group.entries[g]):
                 able &= ~(search.margins(b, np.array([g]))[0][0] < 0)
-            for m in np.flatnonzero(able).tolist():
-                lacks = {*own, *group.motor_lacks[m]}
+            of_lacks: dict[frozenset[str], list[int]] = {}
+            for m in np.flatnonzero(able)[np.argsort(mass[able], kind="stable")].tolist():
+                of_lacks.setdefault(frozenset(group.motor_lacks[m]), []).append(m)
+            for theirs, motors in of_lacks.items():
+                lacks = {*own, *theirs}
                 if not group.at_output and "rotor inertia" in lacks:
                     continue  # of a motor nothing stands in for it
                 if lacks <= PROVISIONAL and 0 < len(lacks) <= 3:
-                    yield len(lacks), float(mass[m]), b, g, m
+                    yield from ((len(lacks), float(mass[m]), b, g, m) for m in motors[:_TRIED])
 
 
 def _judged(search: DriveSearch, b: int, g: int, m: int, hot: bool) -> Assessment | None:
