@@ -96,6 +96,14 @@ def test_a_missing_efficiency_is_the_worst_of_its_kind(tmp_path):
     assert peak.required == pytest.approx(1.2 * (UP / 0.7 / GEAR["ratio"] + rotor), rel=1e-6)
 
 
+def test_the_lightest_of_several_is_provisional(tmp_path):
+    unknown = {key: value for key, value in GEAR.items() if key != "stiffness"}
+    motors = {f"{mass} kg": {**MOTOR, "mass": mass} for mass in (1.5, 1.0, 2.0)}
+    catalog = write_catalog(tmp_path / "c.yaml", motors=motors, gears={"G": unknown})
+    (joint,) = sized_cycle(catalog, on_miss="ignore").joints
+    assert joint.nearest.name == "1.0 kg + G"
+
+
 @pytest.mark.parametrize(
     ("gear", "motor"),
     [
