@@ -54,7 +54,7 @@ class Advice:
     )
 
 
-def advise(found: Estimate) -> tuple[Advice, ...]:
+def advise(estimate: Estimate) -> tuple[Advice, ...]:
     """Return recordings of 30 s each, the most informative one first.
 
     Where only the scale of all masses keeps a gear's losses from being known, one with a known
@@ -62,16 +62,16 @@ def advise(found: Estimate) -> tuple[Advice, ...]:
     visit; the motion between them is not checked for collisions.
 
     Args:
-        found: the estimate.
+        estimate: the estimate.
     """
-    problem = found.problem
+    problem = estimate.problem
     normal = problem.normal()
-    weighed = [_weighed(found, normal, *recording) for recording in _recordings(found)]
-    gears = any(found.choice.laws[j].load == "gear" for j in found.known)
-    scale = gears and not scale_is_known(found)
+    weighed = [_weighed(estimate, normal, *recording) for recording in _recordings(estimate)]
+    gears = any(estimate.choice.laws[j].load == "gear" for j in estimate.known)
+    scale = gears and not scale_is_known(estimate)
 
-    def rank(one: Advice) -> tuple[bool, float]:
-        return not (scale and one.load > 0.0), float(sum(np.log(list(one.factors.values()))))
+    def rank(advice: Advice) -> tuple[bool, float]:
+        return not (scale and advice.load > 0.0), float(sum(np.log(list(advice.factors.values()))))
 
     return tuple(sorted(weighed, key=rank))
 
@@ -115,17 +115,17 @@ def _departures(start: tuple[float, ...]) -> Iterator[WayPoint]:
             yield WayPoint(q=q, duration=_SLOWLY, hold=_HOLD)
 
 
-def _recordings(found: Estimate) -> Iterator[tuple[str, tuple[WayPoint, ...], float]]:
+def _recordings(estimate: Estimate) -> Iterator[tuple[str, tuple[WayPoint, ...], float]]:
     """The recordings that are weighed: name, way-points, load."""
-    q = np.concatenate([one.recording.trajectory.joint_positions() for one in found.prepared])
-    v = np.concatenate([one.recording.trajectory.v for one in found.prepared])
-    limits = 0.8 * np.array([c.velocity_limit for c in joint_columns(found.scene.model)])
+    q = np.concatenate([log.recording.trajectory.joint_positions() for log in estimate.prepared])
+    v = np.concatenate([log.recording.trajectory.v for log in estimate.prepared])
+    limits = 0.8 * np.array([c.velocity_limit for c in joint_columns(estimate.scene.model)])
     fastest = np.minimum(np.maximum(np.quantile(np.abs(v), 0.98, axis=0), 1e-3), limits)
-    heavy = float(f"{_LOAD * sum(i.mass for i in tuple(found.scene.model.inertias)[1:]):.1g}")
+    heavy = float(f"{_LOAD * sum(i.mass for i in tuple(estimate.scene.model.inertias)[1:]):.1g}")
     yield "As fast as before", _way(q, fastest), 0.0
     yield "At a fifth of the speed", _way(q, 0.2 * fastest), 0.0
     yield "Up to twice as fast", _way(q, np.minimum(2.0 * fastest, limits)), 0.0
-    if _links(found.scene):
+    if _links(estimate.scene):
         yield f"As fast as before, carrying {heavy:g} kg at the last link", _way(q, fastest), heavy
 
 
@@ -157,34 +157,34 @@ def _way(q: FloatArray, speed: FloatArray) -> tuple[WayPoint, ...]:
 
 
 def _weighed(
-    found: Estimate, normal: Normal, name: str, points: tuple[WayPoint, ...], load: float
+    estimate: Estimate, normal: Normal, name: str, points: tuple[WayPoint, ...], load: float
 ) -> Advice:
     """Standard errors with one more recording, over those of now."""
-    grams = _grams(found, points, load)
-    more = Normal.of(grams, np.ones(1, dtype=bool), found.problem.weights)
+    grams = _grams(estimate, points, load)
+    more = Normal.of(grams, np.ones(1, dtype=bool), estimate.problem.weights)
     both = Normal(
         *(getattr(normal, name) + getattr(more, name) for name in Normal.__dataclass_fields__)
     )
     both = replace(both, rows=normal.rows)  # which weigh the prior: a recording is none of it
-    place = above_zero(found.fit, found.problem.slots(found.choice.laws))
-    now, then = (
+    place = above_zero(estimate.fit, estimate.problem.slots(estimate.choice.laws))
+    present, reduced = (
         _standard_errors(
-            FrictionNormalEquations(one, found.problem.prior).left[np.ix_(place, place)]
+            FrictionNormalEquations(equations, estimate.problem.prior).left[np.ix_(place, place)]
         )
-        for one in (normal, both)
+        for equations in (normal, both)
     )
     factors = {}
-    for at, ratio in zip(place.tolist(), (then / now).tolist(), strict=True):
+    for at, ratio in zip(place.tolist(), (reduced / present).tolist(), strict=True):
         j, slot = divmod(at, K)
-        if slot != INERTIA and j in found.known:
-            section, key, _ = scene_key(found.scene, j, found.choice.laws[j], slot)
-            factors[f"{section}.{found.scene.joint_names[j]}.{key}"] = float(ratio)
+        if slot != INERTIA and j in estimate.known:
+            section, key, _ = scene_key(estimate.scene, j, estimate.choice.laws[j], slot)
+            factors[f"{section}.{estimate.scene.joint_names[j]}.{key}"] = float(ratio)
     return Advice(name, points, load, factors)
 
 
-def _grams(found: Estimate, points: tuple[WayPoint, ...], load: float) -> list[BlockProducts]:
+def _grams(estimate: Estimate, points: tuple[WayPoint, ...], load: float) -> list[BlockProducts]:
     """Products of the columns of a recording that has not been made."""
-    scene = found.scene
+    scene = estimate.scene
     columns = joint_columns(scene.model)
     file = WayPointFile(pinfric_trajectory=1, sample_rate=_RATE, points=points)
     motion = sample_waypoints(file, columns, {}, "")
@@ -201,10 +201,12 @@ def _grams(found: Estimate, points: tuple[WayPoint, ...], load: float) -> list[B
         trajectory,
         1.0 / _RATE,
         np.zeros_like(motion.velocity),
-        found.prepared[0].recording.noise,
+        estimate.prepared[0].recording.noise,
     )
-    one = reloaded(found, prepare(loaded, recording, no_gravity=found.question.no_gravity), loaded)
-    rows = [joint_rows([one], j, 0.0) for j in range(scene.model.nv)]
+    prepared = reloaded(
+        estimate, prepare(loaded, recording, no_gravity=estimate.question.no_gravity), loaded
+    )
+    rows = [joint_rows([prepared], j, 0.0) for j in range(scene.model.nv)]
     return [
         BlockProducts.of(replace(r, block=np.zeros_like(r.block)), np.ones(r.effort.size), 1)
         for r in rows

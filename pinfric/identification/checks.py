@@ -45,26 +45,26 @@ _ONE_ROBOT = 0.3
 _UNLIKE, _OWN_ERROR = 0.1, 2.0
 
 
-def check_efforts(scene: Scene, rows: Sequence[Rows], given: Collection[str]) -> None:
+def check_efforts(scene: Scene, rows: Sequence[Rows], confirmed: Collection[str]) -> None:
     """Refuse efforts that do not fit this robot in N m or N.
 
     Args:
         scene: the robot as its URDF has it.
         rows: of each joint.
-        given: joints whose gain a person has given: only their signs are judged.
+        confirmed: joints whose gain a person has given: only their signs are judged.
 
     Raises:
         IdentificationError: a wrong sign or unit, by joint, all in one message.
     """
     prior = urdf_prior(scene.model, kept=False)
     theta, problems, factors = prior.center, [], {}
-    for j, (name, one) in enumerate(zip(scene.joint_names, rows, strict=True)):
-        if one.effort.size < _FEWEST:
+    for j, (name, own) in enumerate(zip(scene.joint_names, rows, strict=True)):
+        if own.effort.size < _FEWEST:
             continue
-        slope, correlation = _slope(one, prior)
-        if np.ptp(one.effort) <= _CONSTANT * np.abs(one.effort).max():
+        slope, correlation = _slope(own, prior)
+        if np.ptp(own.effort) <= _CONSTANT * np.abs(own.effort).max():
             problems.append(
-                f"joint {name}: its effort is always {one.effort[0]:.3g}, so it was not "
+                f"joint {name}: its effort is always {own.effort[0]:.3g}, so it was not "
                 f"measured; log it, or leave its friction out: --without {name}"
             )
         elif slope < 0.0 and correlation < -_CORRELATION:
@@ -74,19 +74,21 @@ def check_efforts(scene: Scene, rows: Sequence[Rows], given: Collection[str]) ->
                 "angle, or the zero of the angle, is wrong; correct it by `sign` and `offset` in a "
                 "file given by --columns"
             )
-        elif _turned(one, theta):
+        elif _turned(own, theta):
             problems.append(
                 f"joint {name}: its effort acts against its motion, as if friction or inertia "
                 "drove it: the sign of the effort or of the angle is wrong; correct it by `sign` "
                 "in a file given by --columns"
             )
         elif (
-            correlation > _CORRELATION and not _SLOPES[0] < slope < _SLOPES[1] and name not in given
+            correlation > _CORRELATION
+            and not _SLOPES[0] < slope < _SLOPES[1]
+            and name not in confirmed
         ):
             factors[j] = slope
     if factors and not _carries(rows, theta, factors):
         names = zip(scene.joint_names, rows, strict=True)
-        still = ", ".join(name for name, one in names if one.effort.size == 0)
+        still = ", ".join(name for name, own in names if own.effort.size == 0)
         dead = f"; {still} never moves in the log: is its encoder dead?" if still else ""
         problems += [
             f"joint {scene.joint_names[j]}: its effort is {slope:.3g} times what the URDF's masses "
@@ -101,7 +103,7 @@ def check_efforts(scene: Scene, rows: Sequence[Rows], given: Collection[str]) ->
 
 
 def gravity_scales(
-    scene: Scene, every: Sequence[Prepared], rows: Sequence[Rows]
+    scene: Scene, logs: Sequence[Prepared], rows: Sequence[Rows]
 ) -> dict[int, tuple[float, float]]:
     """Return joint -> by what gravity of the URDF is multiplied in its effort, and its reach.
 
@@ -114,22 +116,22 @@ def gravity_scales(
 
     Args:
         scene: the robot as its URDF has it.
-        every: its logs.
+        logs: its logs.
         rows: of each joint.
     """
     from scipy.special import stdtrit
 
     model, P = scene.model, delivery(scene.drives, scene.model.nv)
     data, parts, scales = model.createData(), [], {}
-    for one in every:
-        q = one.recording.trajectory.q[one.kept]
+    for prepared in logs:
+        q = prepared.recording.trajectory.q[prepared.kept]
         gravity = np.array([pin.computeGeneralizedGravity(model, data, x) for x in q])
         parts.append(gravity.reshape(len(q), -1) @ P.T if P.size else gravity.reshape(len(q), -1))
     losses = GEARS["motor", "both"]
     for j, own in enumerate(rows):
         if own.effort.size < _FEWEST:
             continue
-        seen = [part[log.slides[:, j], j] for part, log in zip(parts, every, strict=True)]
+        seen = [part[log.slides[:, j], j] for part, log in zip(parts, logs, strict=True)]
         G = np.concatenate(seen)
         others = np.column_stack((own.load - G, own.slots[:, [*_OWN, losses]], np.ones(G.size)))
         y, g = beside(orthonormal(others), np.column_stack((own.effort, G))).T
@@ -152,14 +154,14 @@ def holds_no_gravity(scales: Mapping[int, tuple[float, float]]) -> bool:
 
 
 def check_gravity(
-    scene: Scene, scales: Mapping[int, tuple[float, float]], given: Collection[str]
+    scene: Scene, scales: Mapping[int, tuple[float, float]], confirmed: Collection[str]
 ) -> None:
     """Refuse efforts that ask for another gravity than that of masses that are kept.
 
     Args:
         scene: the robot; its masses are kept.
         scales: as of `gravity_scales`.
-        given: joints whose unit a person has confirmed.
+        confirmed: joints whose unit a person has confirmed.
 
     Raises:
         IdentificationError: by joint, all in one message.
@@ -167,7 +169,7 @@ def check_gravity(
     problems = []
     for j, (scale, reach) in scales.items():
         name = scene.joint_names[j]
-        if abs(scale - 1.0) > _OTHER_GRAVITY + reach and name not in given:
+        if abs(scale - 1.0) > _OTHER_GRAVITY + reach and name not in confirmed:
             problems.append(
                 f"joint {name}: its effort holds {scale:.3g} +- {reach:.2g} times the gravity of "
                 "the URDF's masses, which --inertia keep holds fixed: are its unit, gear ratio, or "
@@ -180,7 +182,7 @@ def check_gravity(
 
 
 def check_limits(
-    scene: Scene, rows: Sequence[Rows], fit: Fit, names: str, given: Collection[str]
+    scene: Scene, rows: Sequence[Rows], fit: Fit, names: str, confirmed: Collection[str]
 ) -> None:
     """Refuse efforts and friction that no drive of this robot can have: a wrong unit.
 
@@ -189,14 +191,14 @@ def check_limits(
         rows: of each joint.
         fit: with Coulomb and viscous friction.
         names: of the logs.
-        given: joints whose unit a person has confirmed.
+        confirmed: joints whose unit a person has confirmed.
 
     Raises:
         IdentificationError: by joint, all in one message.
     """
     problems, limits = [], np.asarray(scene.model.effortLimit, dtype=np.float64)
     for j, (joint, own) in enumerate(zip(scene.joint_names, rows, strict=True)):
-        if joint in given or own.effort.size < _FEWEST or not 0.0 < limits[j] < _NO_LIMIT:
+        if joint in confirmed or own.effort.size < _FEWEST or not 0.0 < limits[j] < _NO_LIMIT:
             continue
         most = float(np.quantile(np.abs(own.effort), 0.99))
         dry = 0.5 * float(fit.slots[j, COULOMB].sum())
@@ -225,17 +227,17 @@ def _carries(rows: Sequence[Rows], theta: FloatArray, factors: Mapping[int, floa
     A payload must show at all joints alike; each joint counts by its effort's own spread.
     """
     by_factors, offs, lasts = 0.0, [], []
-    for j, one in enumerate(rows):
-        if one.effort.size < _FEWEST:
+    for j, own in enumerate(rows):
+        if own.effort.size < _FEWEST:
             continue
-        y, load, last = _beside_friction(one, one.effort, one.rigid @ theta, one.rigid[:, -10:-6])
+        y, load, last = _beside_friction(own, own.effort, own.rigid @ theta, own.rigid[:, -10:-6])
         scale = 1.0 / max(float(np.linalg.norm(y)), 1e-300)
         by_factors += float(np.sum((scale * (y - factors.get(j, 1.0) * load)) ** 2))
         offs.append(scale * (y - load))
         lasts.append(scale * last)
-    off, every = np.concatenate(offs), np.concatenate(lasts)
-    payload = np.linalg.lstsq(every, off, rcond=1e-9)[0]
-    return bool(payload[0] > 0.0 and np.sum((off - every @ payload) ** 2) < by_factors)
+    off, payload_columns = np.concatenate(offs), np.concatenate(lasts)
+    payload = np.linalg.lstsq(payload_columns, off, rcond=1e-9)[0]
+    return bool(payload[0] > 0.0 and np.sum((off - payload_columns @ payload) ** 2) < by_factors)
 
 
 def _beside_friction(rows: Rows, *given: FloatArray) -> Iterator[FloatArray]:
@@ -254,13 +256,13 @@ def _turned(rows: Rows, theta: FloatArray) -> bool:
     """
     from scipy.optimize import nnls
 
-    made = np.column_stack((rows.rigid @ theta, rows.slots[:, _OWN]))
-    made = made / np.maximum(np.linalg.norm(made, axis=0), 1e-12)
-    left, turned = (
-        nnls(made, y)[1] / max(float(np.linalg.norm(y)), 1e-300)
+    columns = np.column_stack((rows.rigid @ theta, rows.slots[:, _OWN]))
+    columns = columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-12)
+    as_logged, turned = (
+        nnls(columns, y)[1] / max(float(np.linalg.norm(y)), 1e-300)
         for y in (rows.effort, -rows.effort)
     )
-    return bool(turned**2 < 1.0 - _CORRELATION**2 < left**2)
+    return bool(turned**2 < 1.0 - _CORRELATION**2 < as_logged**2)
 
 
 def _slope(rows: Rows, prior: Prior) -> tuple[float, float]:
@@ -306,18 +308,18 @@ def check_one_robot(
         IdentificationError: names joint and logs.
     """
     whole, *own_fits = fits
-    for j, one in enumerate(rows):
-        load = one.rigid @ whole.theta
-        if load @ load < _LEAST_LOAD * float(one.effort @ one.effort):
+    for j, own in enumerate(rows):
+        load = own.rigid @ whole.theta
+        if load @ load < _LEAST_LOAD * float(own.effort @ own.effort):
             continue
-        off, slopes, strange = residuals(one, whole, j), {}, False
+        off, slopes, strange = residuals(own, whole, j), {}, False
         for log, fit in enumerate(own_fits):
-            part = one.log == log
-            size = float(load[part] @ load[part])
+            in_log = own.log == log
+            size = float(load[in_log] @ load[in_log])
             if size > 0.0:
-                slopes[log] = 1.0 + float(load[part] @ off[part]) / size
-                ours, alone = (float(x[part] @ x[part]) for x in (off, residuals(one, fit, j)))
-                most = _UNLIKE**2 * float(one.effort[part] @ one.effort[part])
+                slopes[log] = 1.0 + float(load[in_log] @ off[in_log]) / size
+                ours, alone = (float(x[in_log] @ x[in_log]) for x in (off, residuals(own, fit, j)))
+                most = _UNLIKE**2 * float(own.effort[in_log] @ own.effort[in_log])
                 strange |= ours > max(most, _OWN_ERROR**2 * alone)
         if not strange:
             continue

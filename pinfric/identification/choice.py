@@ -66,8 +66,8 @@ class Problem:
 
     def normal(self, blocks: BoolArray | None = None) -> Normal:
         """Return the normal equations of some blocks; None: of all."""
-        every = np.ones(self.folds.size, dtype=bool)
-        return Normal.of(self.grams, every if blocks is None else blocks, self.weights)
+        all_blocks = np.ones(self.folds.size, dtype=bool)
+        return Normal.of(self.grams, all_blocks if blocks is None else blocks, self.weights)
 
     @cached_property
     def _seen(self) -> list[list[bool]]:
@@ -134,10 +134,10 @@ def choose(problem: Problem) -> Choice:
     Args:
         problem: at least two parts can be held out.
     """
-    every = list(dict.fromkeys((PLAIN, *(law for laws in problem.laws for law in laws))))
+    candidates = list(dict.fromkeys((PLAIN, *(law for laws in problem.laws for law in laws))))
     judge = _Judge(problem)
     tables: list[dict[Law, FloatArray]] = [{} for _ in problem.laws]
-    for law in every:
+    for law in candidates:
         laws = [law if law in own else PLAIN for own in problem.laws]
         for j, error in enumerate(judge.errors(laws, range(len(laws)))):
             tables[j].setdefault(laws[j], error)
@@ -176,10 +176,10 @@ def nested_errors(problem: Problem, rows: Sequence[Rows]) -> tuple[FloatArray, F
     """
     squares = np.zeros((2, len(problem.laws)))
     plain = [PLAIN] * len(problem.laws)
-    for part in np.unique(problem.folds):
-        test = problem.folds == part
-        rest = replace(problem, folds=np.where(test, -1, problem.folds))
-        laws = choose(rest).laws
+    for fold in np.unique(problem.folds):
+        test = problem.folds == fold
+        others = replace(problem, folds=np.where(test, -1, problem.folds))
+        laws = choose(others).laws
         reduced = FrictionNormalEquations(problem.normal(~test), problem.prior)
         for kind, taken in enumerate((laws, plain)):
             fit = reduced.fit(problem.slots(taken))
@@ -199,8 +199,8 @@ def free_errors(problem: Problem, rows: Sequence[Rows]) -> FloatArray:
     """
     squares, plain = np.zeros(len(rows)), problem.slots([PLAIN] * len(rows))
     free = replace(problem.prior, weight=_FREE * problem.prior.weight)
-    for part in np.unique(problem.folds):
-        test = problem.folds == part
+    for fold in np.unique(problem.folds):
+        test = problem.folds == fold
         fit = FrictionNormalEquations(problem.normal(~test), free).fit(plain)
         squares += [
             np.sum(residuals(own, fit, j)[test[own.block]] ** 2) for j, own in enumerate(rows)
@@ -214,7 +214,7 @@ class _Judge:
     def __init__(self, problem: Problem) -> None:
         self._problem = problem
         used = problem.folds >= 0
-        tests = [problem.folds == part for part in np.unique(problem.folds[used])]
+        tests = [problem.folds == fold for fold in np.unique(problem.folds[used])]
         self._reduced = ManyNormalEquations(
             [FrictionNormalEquations(problem.normal(used & ~test), problem.prior) for test in tests]
         )

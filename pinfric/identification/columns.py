@@ -124,7 +124,7 @@ def thinning(recordings: Sequence[Recording]) -> int:
     Args:
         recordings: the logs.
     """
-    count = sum(one.trajectory.t.size / _spacing(one.step) for one in recordings)
+    count = sum(recording.trajectory.t.size / _spacing(recording.step) for recording in recordings)
     return int(np.ceil(count / _MOST))
 
 
@@ -162,7 +162,7 @@ def prepare(
     slides = _sliding(recording, known)[kept]
     # one after another, to spare memory
     splines = [make_interp_spline(motion.t, column, k=3) for column in passed(measured, step).T]
-    effort = BSpline(splines[0].t, np.column_stack([one.c for one in splines]), 3)
+    effort = BSpline(splines[0].t, np.column_stack([spline.c for spline in splines]), 3)
     slots, v = np.zeros((kept.size, nj, K)), recording.velocity
     slots[:, :, INERTIA] = passed(recording.acceleration, step)[kept]
     slots[:, :, FORWARD] = passed((v > 0.0).astype(np.float64), step)[kept]
@@ -222,8 +222,8 @@ def along(scene: Scene, motion: Trajectory) -> tuple[FloatArray, FloatArray]:
         motion: of its joints.
     """
     parts = [
-        (part.effort_frictionless, part.normal_load)
-        for part in inverse_dynamics(scene, motion, chunks=PART)
+        (chunk.effort_frictionless, chunk.normal_load)
+        for chunk in inverse_dynamics(scene, motion, chunks=PART)
     ]
     effort, load = (np.concatenate(column) for column in zip(*parts, strict=True))
     return effort, load
@@ -241,10 +241,10 @@ def _rigid_columns(scene: Scene, recording: Recording, kept: IntArray) -> FloatA
     for first in range(0, count, PART):
         own = np.flatnonzero((kept >= first) & (kept < first + PART))
         start = max(first - beyond, 0)
-        every = _regressor(scene, recording.trajectory, start, first + PART + beyond)
+        regressor = _regressor(scene, recording.trajectory, start, first + PART + beyond)
         for j in range(nj):
-            used = np.flatnonzero(every[:, j].any(axis=0))
-            whole = passed(every[:, j, used], recording.step)
+            used = np.flatnonzero(regressor[:, j].any(axis=0))
+            whole = passed(regressor[:, j, used], recording.step)
             thin[own[:, None], j, used] = whole[kept[own] - start]
     return thin
 
@@ -253,14 +253,14 @@ def _regressor(scene: Scene, motion: Trajectory, start: int, stop: int) -> Float
     """Columns of the links' inertial parameters at samples from `start` up to `stop`."""
     model, P = scene.model, delivery(scene.drives, scene.model.nv)
     data, parts = model.createData(), (x[start:stop] for x in (motion.q, motion.v, motion.a))
-    every = np.array(
+    regressors = np.array(
         [
             pin.computeJointTorqueRegressor(model, data, q, v, a)
             for q, v, a in zip(*parts, strict=True)
         ]
     )
-    every = every.reshape(-1, model.nv, 10 * model.nv)  # of one joint they are vectors
-    return P @ every if P.size else every
+    regressors = regressors.reshape(-1, model.nv, 10 * model.nv)  # of one joint they are vectors
+    return P @ regressors if P.size else regressors
 
 
 def passed(columns: FloatArray, step: float) -> FloatArray:
@@ -329,13 +329,13 @@ def with_loads(prepared: Prepared, scene: Scene, inner: FloatArray) -> Prepared:
             slots[:, j, BEARING] = passed(sign * bearing[:, j], step)[kept]
         for side, x in zip(SIDES, (rigid[:, j], rigid[:, j] + inner[:, j]), strict=True):
             both = sign * np.abs(x)
-            for direction, part in (
+            for direction, where in (
                 ("driving", x * sign > 0.0),
                 ("driven", x * sign < 0.0),
                 ("both", True),
             ):
                 slot = GEARS[side, direction]
-                slots[:, j, slot] = passed(both * part, step)[kept]
+                slots[:, j, slot] = passed(both * where, step)[kept]
         if name not in probe.site_names:
             slots[:, j, BEARING] = slots[:, j, GEARS["motor", "both"]]
     return replace(prepared, slots=slots, load=rigid, bearing=bearing)
@@ -356,31 +356,31 @@ def bearings_only(scene: Scene) -> Scene:
     )
 
 
-def joint_rows(every: Sequence[Prepared], joint: int, delay: float) -> Rows:
+def joint_rows(logs: Sequence[Prepared], joint: int, delay: float) -> Rows:
     """Return one joint's rows in all logs.
 
     In a direction in which it hardly slides Coulomb friction is taken as in the other one.
 
     Args:
-        every: the logs.
+        logs: the logs.
         joint: its column.
         delay: s by which the logged effort lags behind the motion.
     """
     parts, first = [], 0
-    for number, one in enumerate(every):
-        t = one.recording.trajectory.t
-        rows = one.kept[one.slides[:, joint]]
+    for number, prepared in enumerate(logs):
+        t = prepared.recording.trajectory.t
+        rows = prepared.kept[prepared.slides[:, joint]]
         count, block = blocks(t)
         parts.append(
             Rows(
-                one.rigid[one.slides[:, joint], joint],
-                one.slots[one.slides[:, joint], joint],
-                one.effort(t[rows] + delay)[:, joint],
+                prepared.rigid[prepared.slides[:, joint], joint],
+                prepared.slots[prepared.slides[:, joint], joint],
+                prepared.effort(t[rows] + delay)[:, joint],
                 first + block[rows],
                 np.full(rows.size, number),
                 t[rows],
-                one.recording.velocity[rows, joint],
-                one.load[rows, joint],
+                prepared.recording.velocity[rows, joint],
+                prepared.load[rows, joint],
             )
         )
         first += count

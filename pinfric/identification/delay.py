@@ -111,20 +111,20 @@ def common_delay(logs: Sequence[LogDelay]) -> Delay:
         logs: of each; a standard error is infinite where nothing slides, or where the search ended
             at a bound.
     """
-    known = [(one.value, one.standard_error) for one in logs if np.isfinite(one.standard_error)]
+    known = [(log.value, log.standard_error) for log in logs if np.isfinite(log.standard_error)]
     mean, error = pooled(known) if known else (0.0, np.inf)
-    seen = sorted({j for one in logs for j in one.joints})
-    joints = {j: pooled([one.joints[j] for one in logs if j in one.joints]) for j in seen}
+    seen = sorted({j for log in logs for j in log.joints})
+    joints = {j: pooled([log.joints[j] for log in logs if j in log.joints]) for j in seen}
     return Delay(
         mean,
         error,
-        tuple((one.value, one.standard_error) for one in logs),
+        tuple((log.value, log.standard_error) for log in logs),
         joints,
-        tuple(one.builds_up for one in logs),
+        tuple(log.builds_up for log in logs),
     )
 
 
-def pooled(found: Sequence[tuple[float, float]]) -> tuple[float, float]:
+def pooled(estimates: Sequence[tuple[float, float]]) -> tuple[float, float]:
     """Return the mean of values whose errors may be too small, and its standard error.
 
         r = (x - mean)/sqrt(e^2 + scatter^2),    sum of psi(r)/sqrt(e^2 + scatter^2) = 0
@@ -135,9 +135,9 @@ def pooled(found: Sequence[tuple[float, float]]) -> tuple[float, float]:
     proposal 2). So one value with a wrong error neither draws the mean nor blows up its error.
 
     Args:
-        found: (value, standard error) of each.
+        estimates: (value, standard error) of each.
     """
-    values, errors = np.array(found).T
+    values, errors = np.array(estimates).T
 
     def located(scatter: float) -> tuple[float, float]:
         size = np.hypot(errors, scatter)
@@ -176,33 +176,33 @@ def other_delays(delay: Delay) -> dict[int, tuple[float, float]]:
 
 
 def log_delay(
-    one: Prepared, slots: Sequence[Sequence[int]], prior: Prior, start: float
+    prepared: Prepared, slots: Sequence[Sequence[int]], prior: Prior, start: float
 ) -> LogDelay:
     """Return the delay of one log's efforts.
 
     A log in which nothing slides has no rows: its standard error is infinite.
 
     Args:
-        one: the log's columns.
+        prepared: the log's columns.
         slots: of each joint's law.
         prior: of the links' parameters.
         start: a delay nearby, s.
     """
-    if not one.slides.any():
+    if not prepared.slides.any():
         return LogDelay(start, np.inf)
-    none = [np.zeros((int(at.sum()), 0)) for at in one.slides.T]
-    built_up = [orthonormal(one.presliding[at, j]) for j, at in enumerate(one.slides.T)]
-    search, presliding = (_searched(one, slots, prior, start, own) for own in (none, built_up))
+    none = [np.zeros((int(at.sum()), 0)) for at in prepared.slides.T]
+    built_up = [orthonormal(prepared.presliding[at, j]) for j, at in enumerate(prepared.slides.T)]
+    search, presliding = (_searched(prepared, slots, prior, start, own) for own in (none, built_up))
     shares = presliding.left / np.maximum(search.left, 1e-300)
-    taken = 1.0 - float(np.average(shares, weights=one.slides.sum(axis=0)))
+    taken = 1.0 - float(np.average(shares, weights=prepared.slides.sum(axis=0)))
     bases, builds_up = none, taken > _CLEAR
     if taken > _SHOWS:
         search, bases = presliding, built_up
     delay, nj = search.delay, len(slots)
     if not _LEAST < delay < _MOST:
         return LogDelay(delay, np.inf, builds_up=builds_up)  # its search ended at a bound
-    rows = _with_slopes(one, delay, search.slopes, bases, apart=True)
-    known = _with_delays(prior, one, delay, nj)
+    rows = _with_slopes(prepared, delay, search.slopes, bases, apart=True)
+    known = _with_delays(prior, prepared, delay, nj)
     fit, errors = _with_errors(rows, search, slots, known, nj)
     values = delay + fit.theta[-nj:]
     joints = {j: (float(values[j]), float(errors[j])) for j in range(nj) if rows[j].effort.size}
@@ -226,26 +226,26 @@ class _Search(NamedTuple):
 
 
 def _searched(
-    one: Prepared,
+    prepared: Prepared,
     slots: Sequence[Sequence[int]],
     prior: Prior,
     delay: float,
     bases: Sequence[FloatArray],
 ) -> _Search:
     """Find the delay from one nearby, by fits in which what `bases` describe takes no part."""
-    slopes = [np.zeros(one.kept.size) for _ in slots]
+    slopes = [np.zeros(prepared.kept.size) for _ in slots]
     row_weights: tuple[FloatArray, ...] = ()
-    weights = left = np.ones(len(slots))
+    weights = squares = np.ones(len(slots))
     for _ in range(_ROUNDS):
-        rows = _with_slopes(one, delay, slopes, bases, apart=False)
+        rows = _with_slopes(prepared, delay, slopes, bases, apart=False)
         row_weights = row_weights or tuple(np.ones(own.effort.size) for own in rows)
         normal = _normal(rows, row_weights, weights)[1]
-        fit = FrictionNormalEquations(normal, _with_delays(prior, one, delay, 1)).fit(slots)
+        fit = FrictionNormalEquations(normal, _with_delays(prior, prepared, delay, 1)).fit(slots)
         delay = float(np.clip(delay + fit.theta[-1], _LEAST, _MOST))
         row_weights, weights = weighted(rows, fit)
-        left = np.array([np.sum(residuals(own, fit, j) ** 2) for j, own in enumerate(rows)])
-        slopes = [_slope(one, fit, j, prior.center.size) for j in range(len(slots))]
-    return _Search(delay, slopes, row_weights, weights, left)
+        squares = np.array([np.sum(residuals(own, fit, j) ** 2) for j, own in enumerate(rows)])
+        slopes = [_slope(prepared, fit, j, prior.center.size) for j in range(len(slots))]
+    return _Search(delay, slopes, row_weights, weights, squares)
 
 
 def _normal(
@@ -277,17 +277,17 @@ def _with_errors(
     return fit, wider * np.linalg.norm(moved[:, end - count : end], axis=0)
 
 
-def _with_delays(links: Prior, one: Prepared, delay: float, count: int) -> Prior:
+def _with_delays(links: Prior, prepared: Prepared, delay: float, count: int) -> Prior:
     """The prior of the links' parameters, and of `count` changes of the delay behind them."""
     # what is known of delays counts like rows of unit variance
-    strength = 1.0 / (_USUAL**2 * float(one.slides.sum()))
+    strength = 1.0 / (_USUAL**2 * float(prepared.slides.sum()))
     known = np.full(count, -delay), np.full(count, strength), np.full(count, _USUAL)
     own = links.center, links.weight, links.deviation
     return Prior(*(np.append(x, last) for x, last in zip(own, known, strict=True)))
 
 
 def _with_slopes(
-    one: Prepared,
+    prepared: Prepared,
     delay: float,
     slopes: Sequence[FloatArray],
     bases: Sequence[FloatArray],
@@ -299,20 +299,22 @@ def _with_slopes(
     """
     result = []
     for j, slope in enumerate(slopes):
-        rows = joint_rows([one], j, delay)
-        own = -slope[one.slides[:, j]][:, None]
+        rows = joint_rows([prepared], j, delay)
+        own = -slope[prepared.slides[:, j]][:, None]
         if apart:
             own = own * (np.arange(len(slopes)) == j)
-        every = beside(bases[j], np.column_stack((rows.rigid, own, rows.slots, rows.effort)))
-        rigid, slots = np.split(every[:, :-1], [rows.rigid.shape[1] + own.shape[1]], axis=1)
-        result.append(replace(rows, rigid=rigid, slots=slots, effort=every[:, -1]))
+        columns = beside(bases[j], np.column_stack((rows.rigid, own, rows.slots, rows.effort)))
+        rigid, slots = np.split(columns[:, :-1], [rows.rigid.shape[1] + own.shape[1]], axis=1)
+        result.append(replace(rows, rigid=rigid, slots=slots, effort=columns[:, -1]))
     return result
 
 
-def _slope(one: Prepared, fit: Fit, joint: int, links: int) -> FloatArray:
+def _slope(prepared: Prepared, fit: Fit, joint: int, links: int) -> FloatArray:
     """Derivative by time of one joint's fitted effort: the logged one's would be that of noise."""
     from scipy.interpolate import CubicSpline
 
-    fitted = one.rigid[:, joint] @ fit.theta[:links] + one.slots[:, joint] @ fit.slots[joint]
-    t = one.recording.trajectory.t[one.kept]
+    fitted = (
+        prepared.rigid[:, joint] @ fit.theta[:links] + prepared.slots[:, joint] @ fit.slots[joint]
+    )
+    t = prepared.recording.trajectory.t[prepared.kept]
     return np.asarray(CubicSpline(t, fitted)(t, 1))

@@ -190,57 +190,57 @@ def estimate(question: Question, progress: Callable[[int, int], object]) -> Esti
         prepared.append(prepare(scene, recording, thin, question.no_gravity))
         progress(len(prepared), steps)
     held = [  # blocks are the samples of all that follows
-        np.unique(blocks(one.recording.trajectory.t)[1][one.kept[one.slides.any(axis=1)]])
-        for one in prepared
+        np.unique(blocks(log.recording.trajectory.t)[1][log.kept[log.slides.any(axis=1)]])
+        for log in prepared
     ]
-    logs = ", ".join(one.name for one in question.recordings)
+    logs = ", ".join(log.name for log in question.recordings)
     if (count := sum(own.size for own in held)) < _FEWEST_BLOCKS:
         raise IdentificationError(
             f"{logs}: joints slide (faster than {STILL:g} rad/s or m/s and than the noise) in "
             f"{count} blocks of 1 to 5 s; at least {_FEWEST_BLOCKS} are needed: log more "
             "motion"
         )
-    for number, one in enumerate(prepared):  # by the URDF's inertias
-        prepared[number] = with_loads(one, scene, np.zeros_like(one.payload))
+    for number, log in enumerate(prepared):  # by the URDF's inertias
+        prepared[number] = with_loads(log, scene, np.zeros_like(log.payload))
     plain = ((PLAIN,),) * scene.model.nv
     choice = _unjudged((PLAIN,) * scene.model.nv)
-    found = Estimate(question, scene, tuple(prepared), choice)
-    del prepared, one  # a long log's columns fill much of the memory
-    _fit(found, plain)
+    result = Estimate(question, scene, tuple(prepared), choice)
+    del prepared, log  # a long log's columns fill much of the memory
+    _fit(result, plain)
     if not question.no_gravity:
-        found.gravity = gravity_scales(scene, found.prepared, found.rows)
-        if holds_no_gravity(found.gravity):
-            del found
+        result.gravity = gravity_scales(scene, result.prepared, result.rows)
+        if holds_no_gravity(result.gravity):
+            del result
             return estimate(replace(question, no_gravity=True), progress)
         if question.keep_inertias:
-            check_gravity(scene, found.gravity, question.gains)
-    check_efforts(scene, found.rows, question.gains)
-    check_limits(scene, found.rows, found.fit, logs, question.gains)
-    _find_delay(found)
-    _fit(found, plain)
+            check_gravity(scene, result.gravity, question.gains)
+    check_efforts(scene, result.rows, question.gains)
+    check_limits(scene, result.rows, result.fit, logs, question.gains)
+    _find_delay(result)
+    _fit(result, plain)
     for number in range(4):
-        if number >= 2 and not any(law.stribeck_slots for law in found.choice.laws):
+        if number >= 2 and not any(law.stribeck_slots for law in result.choice.laws):
             break  # only the speeds at which friction falls take longer
         progress(steps - max(2 - number, 1), steps)
         fits = list[StribeckFit | None]()
-        for j, law in enumerate(found.choice.laws):
+        for j, law in enumerate(result.choice.laws):
             beside = sorted({INERTIA, *law.slots} - set(RESTS_ON))
-            given = found.prepared, j, found.rows[j], found.row_weights[j], beside
-            parts = _stribeck_choices(found, j)
-            fits.append(find_stribeck(*given, parts) if parts else None)
-        found.stribeck = tuple(fits)
-        laws = [offered(found, j) for j in range(len(found.rows))]
-        _find_delay(found, reload=True)
-        _fit(found, laws)
-    found.errors = nested_errors(found.problem, found.rows)
-    _doubt(found)
+            arguments = result.prepared, j, result.rows[j], result.row_weights[j], beside
+            parts = _stribeck_choices(result, j)
+            fits.append(find_stribeck(*arguments, parts) if parts else None)
+        result.stribeck = tuple(fits)
+        laws = [offered(result, j) for j in range(len(result.rows))]
+        _find_delay(result, reload=True)
+        _fit(result, laws)
+    result.errors = nested_errors(result.problem, result.rows)
+    _doubt(result)
     progress(steps, steps)
-    if not found.known:
+    if not result.known:
         raise IdentificationError(
             f"{question.scene.source}: the model explains no joint's effort better than its mean "
             "does: check signs, zeros and units of angles and efforts, and the joint of each column"
         )
-    return found
+    return result
 
 
 def _unjudged(laws: tuple[Law, ...]) -> Choice:
@@ -248,47 +248,55 @@ def _unjudged(laws: tuple[Law, ...]) -> Choice:
     return Choice(laws, ({},) * len(laws), ((),) * len(laws))
 
 
-def _doubt(found: Estimate) -> None:
+def _doubt(estimate: Estimate) -> None:
     """Take plain friction where choosing laws made unseen blocks worse."""
-    rows = [own.effort.size for own in found.rows]
-    chosen, plain = (found.problem.weights * rows @ error**2 for error in found.errors)
+    rows = [own.effort.size for own in estimate.rows]
+    chosen, plain = (estimate.problem.weights * rows @ error**2 for error in estimate.errors)
     if chosen <= (1.0 + MARGIN) ** 2 * plain:
         return
-    errors, given = found.choice.errors, found.question.laws
-    laws = [given.get(name, PLAIN) for name in found.scene.joint_names]
-    found.choice = _unjudged(tuple(laws))
-    _fit(found, [(law,) for law in laws])
-    found.errors, found.distrusted = nested_errors(found.problem, found.rows), True
-    found.choice = replace(found.choice, errors=errors)
+    errors, stated_laws = estimate.choice.errors, estimate.question.laws
+    laws = [stated_laws.get(name, PLAIN) for name in estimate.scene.joint_names]
+    estimate.choice = _unjudged(tuple(laws))
+    _fit(estimate, [(law,) for law in laws])
+    estimate.errors, estimate.distrusted = nested_errors(estimate.problem, estimate.rows), True
+    estimate.choice = replace(estimate.choice, errors=errors)
 
 
-def _find_delay(found: Estimate, reload: bool = False) -> None:
+def _find_delay(estimate: Estimate, reload: bool = False) -> None:
     """Find by how much the logged efforts lag, by the present laws; loads anew if asked."""
-    slots = found.problem.slots(found.choice.laws)
+    slots = estimate.problem.slots(estimate.choice.laws)
     # what the next fit computes again takes much memory
-    found.rows, found.row_weights, found.problem = (), (), replace(found.problem, grams=())
+    estimate.rows, estimate.row_weights, estimate.problem = (
+        (),
+        (),
+        replace(estimate.problem, grams=()),
+    )
     if reload:
-        found.prepared = tuple(reloaded(found, one) for one in found.prepared)
+        estimate.prepared = tuple(reloaded(estimate, log) for log in estimate.prepared)
     # free, even where links are kept: the weight that a URDF lacks shall not look like a delay
-    prior = urdf_prior(found.question.scene.model, kept=False)
-    every = [replace(one, slides=one.slides | one.turns) for one in found.prepared]
-    delays = [log_delay(one, slots, prior, found.delay.value) for one in every]
-    found.delay = common_delay(delays)
-    found.prepared = tuple(
-        settled(one) if own.builds_up else one for one, own in zip(every, delays, strict=True)
+    prior = urdf_prior(estimate.question.scene.model, kept=False)
+    logs = [replace(log, slides=log.slides | log.turns) for log in estimate.prepared]
+    delays = [log_delay(log, slots, prior, estimate.delay.value) for log in logs]
+    estimate.delay = common_delay(delays)
+    estimate.prepared = tuple(
+        settled(log) if own.builds_up else log for log, own in zip(logs, delays, strict=True)
     )
 
 
-def _fit(found: Estimate, laws: Sequence[Sequence[Law]]) -> None:
+def _fit(estimate: Estimate, laws: Sequence[Sequence[Law]]) -> None:
     """Fit the columns as they are, with laws chosen among those offered."""
     # 1. rows at the present delay, and the parts of their blocks that are held out
-    question, nj = found.question, found.question.scene.model.nv
-    found.rows = rows = tuple(joint_rows(found.prepared, j, found.delay.value) for j in range(nj))
-    every = np.concatenate([r.block for r in rows]), np.concatenate([r.log for r in rows])
+    question, nj = estimate.question, estimate.question.scene.model.nv
+    estimate.rows = rows = tuple(
+        joint_rows(estimate.prepared, j, estimate.delay.value) for j in range(nj)
+    )
+    blocks_and_logs = np.concatenate([r.block for r in rows]), np.concatenate([r.log for r in rows])
     prior = urdf_prior(question.scene.model, question.keep_inertias)
-    problem = Problem((), np.ones(nj), prior, laws, held_out_parts(*every), question.motor)
+    problem = Problem(
+        (), np.ones(nj), prior, laws, held_out_parts(*blocks_and_logs), question.motor
+    )
     # 2. rows and joints are weighed by what the fit before leaves, with its laws
-    fit, row_weights = getattr(found, "fit", None), tuple(np.ones(r.effort.size) for r in rows)
+    fit, row_weights = getattr(estimate, "fit", None), tuple(np.ones(r.effort.size) for r in rows)
     for _ in range(2):
         if fit is not None:
             row_weights, weights = weighted(rows, fit)
@@ -300,15 +308,15 @@ def _fit(found: Estimate, laws: Sequence[Sequence[Law]]) -> None:
         )
         normal = problem.normal()
         equations = FrictionNormalEquations(normal, prior)
-        fit = equations.fit(problem.slots(found.choice.laws))
+        fit = equations.fit(problem.slots(estimate.choice.laws))
     # 3. laws
     first = all(tuple(own) == (PLAIN,) for own in laws)
-    choice = found.choice if first else choose(problem)
+    choice = estimate.choice if first else choose(problem)
     choice = choice.on_motors(mixed(question.scene.drives, nj))
     # 4. links that can exist
     slots = problem.slots(choice.laws)
     fit = consistent_fit(normal, prior, equations.fit(slots), slots)
-    if ends := _at_an_end(problem, choice, fit, scale_is_known(found)):
+    if ends := _at_an_end(problem, choice, fit, scale_is_known(estimate)):
         one_loss = [
             replace(x, both_ways=x.both_ways or j in ends) for j, x in enumerate(choice.laws)
         ]
@@ -320,30 +328,40 @@ def _fit(found: Estimate, laws: Sequence[Sequence[Law]]) -> None:
         dry = [slot for slot in COULOMB if slot in own]
         if law.coulomb and len(dry) == 1:
             values[COULOMB] = values[dry[0]]
-    found.row_weights, found.problem, found.choice, found.fit = row_weights, problem, choice, fit
+    estimate.row_weights, estimate.problem, estimate.choice, estimate.fit = (
+        row_weights,
+        problem,
+        choice,
+        fit,
+    )
     if not question.inertias_stay:
-        found.scene = question.scene.with_(model=with_parameters(question.scene.model, fit.theta))
+        estimate.scene = question.scene.with_(
+            model=with_parameters(question.scene.model, fit.theta)
+        )
 
 
-def _stribeck_choices(found: Estimate, joint: int) -> list[list[int]]:
+def _stribeck_choices(estimate: Estimate, joint: int) -> list[list[int]]:
     """What of one joint's friction may fall from rest to motion: the choices to search among."""
-    mine = found.question.laws.get(found.scene.joint_names[joint])
-    if mine is not None or found.choice.laws[joint].stribeck_slots:
-        slots = (mine or found.choice.laws[joint]).stribeck_slots
+    mine = estimate.question.laws.get(estimate.scene.joint_names[joint])
+    if mine is not None or estimate.choice.laws[joint].stribeck_slots:
+        slots = (mine or estimate.choice.laws[joint]).stribeck_slots
         return [list(slots)] if slots else []
-    loads = [STRIBECK_LOAD] if _loads(found, joint) else []
+    loads = [STRIBECK_LOAD] if _loads(estimate, joint) else []
     return [STRIBECK, *([loads, STRIBECK + loads] if loads else [])]
 
 
-def _loads(found: Estimate, joint: int) -> bool:
+def _loads(estimate: Estimate, joint: int) -> bool:
     """Whether a joint has a bearing, or shows a gear's loss, that may fall from rest to motion."""
-    rows, entry = found.rows[joint], found.scene.friction.get(found.scene.joint_names[joint])
-    if rows.effort.size == 0 or mixed(found.scene.drives, found.scene.model.nv)[joint]:
+    rows, entry = (
+        estimate.rows[joint],
+        estimate.scene.friction.get(estimate.scene.joint_names[joint]),
+    )
+    if rows.effort.size == 0 or mixed(estimate.scene.drives, estimate.scene.model.nv)[joint]:
         return False
     named = entry is not None and entry.bearing is not None
-    if named or not found.question.motor:
+    if named or not estimate.question.motor:
         return named
-    return turns(found.scene, found.scene.joint_names[joint]) and _shows_gear(found, joint)
+    return turns(estimate.scene, estimate.scene.joint_names[joint]) and _shows_gear(estimate, joint)
 
 
 def turns(scene: Scene, name: str) -> bool:
@@ -357,29 +375,29 @@ def turns(scene: Scene, name: str) -> bool:
     return not joint.shortname().startswith("JointModelP")
 
 
-def _shows_gear(found: Estimate, joint: int) -> bool:
+def _shows_gear(estimate: Estimate, joint: int) -> bool:
     """Whether a joint's load is large enough beside its friction to tell what its gear loses."""
     # friction that was fitted without a gear contains the gear's loss at the mean load
-    load = found.rows[joint].load
-    coulomb = 0.5 * float(found.fit.slots[joint, COULOMB].sum())
+    load = estimate.rows[joint].load
+    coulomb = 0.5 * float(estimate.fit.slots[joint, COULOMB].sum())
     return float(np.sqrt(np.mean(load**2))) > coulomb - _MOST_LOSS * float(np.mean(np.abs(load)))
 
 
-def offered(found: Estimate, joint: int) -> tuple[Law, ...]:
+def offered(estimate: Estimate, joint: int) -> tuple[Law, ...]:
     """Return the laws that one joint's data can tell apart, by the present estimate."""
-    scene, rows = found.scene, found.rows[joint]
+    scene, rows = estimate.scene, estimate.rows[joint]
     name = scene.joint_names[joint]
-    if name in found.question.laws:
-        return (found.question.laws[name],)
+    if name in estimate.question.laws:
+        return (estimate.question.laws[name],)
     if rows.effort.size == 0:
         return (PLAIN,)
     drives = float(np.mean(rows.load * rows.velocity > 0.0))
     both = min(drives, 1.0 - drives) > _LEAST_SHARE
     entry = scene.friction.get(name)
     bearing = entry is not None and entry.bearing is not None
-    stribeck = found.stribeck[joint] if found.stribeck else None
-    gear = found.question.motor and _shows_gear(found, joint)
-    carried = stribeck is not None and _loads(found, joint)
+    stribeck = estimate.stribeck[joint] if estimate.stribeck else None
+    gear = estimate.question.motor and _shows_gear(estimate, joint)
+    carried = stribeck is not None and _loads(estimate, joint)
     laws = candidates(bearing, gear, both, stribeck is not None, carried)
     if mixed(scene.drives, scene.model.nv)[joint]:  # its friction follows the motor's speed
         laws = tuple(
@@ -390,7 +408,7 @@ def offered(found: Estimate, joint: int) -> tuple[Law, ...]:
     return laws
 
 
-def scale_is_known(found: Estimate) -> bool:
+def scale_is_known(estimate: Estimate) -> bool:
     """Return whether the scale of the masses is known, so that both losses of a gear show.
 
     With all masses free, (t + f)/eta and eta_b (t + f) are also the efforts of a robot and a
@@ -398,10 +416,10 @@ def scale_is_known(found: Estimate) -> bool:
     product is known.
 
     Args:
-        found: the estimate.
+        estimate: the estimate.
     """
-    return found.question.inertias_stay or any(
-        one.recording.trajectory.attached.any() for one in found.prepared
+    return estimate.question.inertias_stay or any(
+        log.recording.trajectory.attached.any() for log in estimate.prepared
     )
 
 
@@ -426,19 +444,19 @@ def _at_an_end(problem: Problem, choice: Choice, fit: Fit, scale: bool) -> list[
     return ends
 
 
-def reloaded(found: Estimate, one: Prepared, scene: Scene | None = None) -> Prepared:
+def reloaded(estimate: Estimate, prepared: Prepared, scene: Scene | None = None) -> Prepared:
     """Return one log's columns with loads by the present estimate, or by another scene's links."""
-    v = one.recording.velocity
+    v = prepared.recording.velocity
     inner = np.zeros_like(v)
-    for j, values in enumerate(found.fit.slots):
+    for j, values in enumerate(estimate.fit.slots):
         sign = np.sign(v[:, j])
         inner[:, j] = values[FORWARD] * (sign > 0.0) - values[BACKWARD] * (sign < 0.0)
         for slot, p in SPEEDS.items():
             inner[:, j] += values[slot] * sign * np.abs(v[:, j]) ** p
-        if found.stribeck and (stribeck := found.stribeck[j]) is not None:
+        if estimate.stribeck and (stribeck := estimate.stribeck[j]) is not None:
             inner[:, j] += stribeck_decay(v[:, j], stribeck.velocity, stribeck.exponent) * (
                 values[STRIBECK_FORWARD] * (sign > 0.0)
                 - values[STRIBECK_BACKWARD] * (sign < 0.0)
-                + values[STRIBECK_LOAD] * sign * one.bearing[:, j]
+                + values[STRIBECK_LOAD] * sign * prepared.bearing[:, j]
             )
-    return with_stribeck(with_loads(one, scene or found.scene, inner), found.stribeck)
+    return with_stribeck(with_loads(prepared, scene or estimate.scene, inner), estimate.stribeck)

@@ -22,30 +22,30 @@ _SAMPLES = 200
 _ROBOT = "robot.urdf"
 
 
-def identified_files(found: Findings, folder: Path) -> dict[str, str]:
+def identified_files(findings: Findings, folder: Path) -> dict[str, str]:
     """Return name -> what writes that file: scene, robot (if corrected), posterior, sweep, advice.
 
     Args:
-        found: what was identified.
+        findings: what was identified.
         folder: where they will stand; files are named relative to it.
 
     Raises:
         IdentificationError: the scene has no URDF that a file could name.
     """
-    robot = found.scene.robot
+    robot = findings.scene.robot
     if robot is None:
         raise IdentificationError(
-            f"{found.scene.source}: was made in Python and has no URDF; a "
+            f"{findings.scene.source}: was made in Python and has no URDF; a "
             "scene file needs one (`found.scene` is complete)"
         )
     texts = {
-        "scene.yaml": scene_text(found, robot, folder),
-        "posterior.csv": posterior_text(found),
+        "scene.yaml": scene_text(findings, robot, folder),
+        "posterior.csv": posterior_text(findings),
         "sweep.yaml": _SWEEP,
-        "advice.waypoints.yaml": advice_text(found.advice[0], found.scene),
+        "advice.waypoints.yaml": advice_text(findings.advice[0], findings.scene),
     }
-    if not found.keeps_inertias:
-        texts[_ROBOT] = robot_with_bodies(robot, found.scene.model)
+    if not findings.keeps_inertias:
+        texts[_ROBOT] = robot_with_bodies(robot, findings.scene.model)
     return texts
 
 
@@ -59,59 +59,61 @@ table: posterior.csv
 """
 
 
-def posterior_text(found: Findings) -> str:
+def posterior_text(findings: Findings) -> str:
     """Return the draws as a table that a sweep takes: factors on the scene's values, efficiencies.
 
     Args:
-        found: what was identified.
+        findings: what was identified.
     """
-    values = {p.key: p.value for p in found.parameters}
-    for key in found.posterior:  # one way only was logged, and its friction taken for the other
+    values = {p.key: p.value for p in findings.parameters}
+    for key in findings.posterior:  # one way only was logged, and its friction taken for the other
         head, _, direction = key.rpartition(".")
         if key not in values:
             values[key] = values[f"{head}.{'negative' if direction == 'positive' else 'positive'}"]
     columns = {
         key: draws if key.rpartition(".")[2] in _ABSOLUTE else draws / values[key]
-        for key, draws in found.posterior.items()
+        for key, draws in findings.posterior.items()
     }
     lines = [",".join(columns)]
     rows = np.column_stack(list(columns.values())) if columns else np.zeros((0, 0))
     return "\n".join([*lines, *(",".join(f"{x:.6g}" for x in row) for row in rows)]) + "\n"
 
 
-def scene_text(found: Findings, robot: Robot, folder: Path) -> str:
+def scene_text(findings: Findings, robot: Robot, folder: Path) -> str:
     """Return the identified scene as a commented file.
 
     Args:
-        found: what was identified.
+        findings: what was identified.
         robot: of its scene.
         folder: where it will stand.
     """
-    content = scene_content(found.scene, robot, folder, "" if found.keeps_inertias else _ROBOT)
-    return "\n".join([*_heading(found), yaml_text(content, _comments(found))])
+    content = scene_content(
+        findings.scene, robot, folder, "" if findings.keeps_inertias else _ROBOT
+    )
+    return "\n".join([*_heading(findings), yaml_text(content, _comments(findings))])
 
 
-def _heading(found: Findings) -> Iterator[str]:
-    logs = ", ".join(one.name for one in found.recordings)
+def _heading(findings: Findings) -> Iterator[str]:
+    logs = ", ".join(log.name for log in findings.recordings)
     yield f"# Friction identified from {logs} by `pinfric identify`."
     yield "# Beside each value: its 95 % interval, computed from blocks of the logs. Values marked"
     yield "# `not determined` fit best, but these logs do not determine them."
     yield "# static: the break-away effort if it was logged; else the kinetic value, or, if the"
     yield "# law is steep at rest, friction at the slowest logged sliding."
     yield "#"
-    at = found.estimate.question.at
+    at = findings.estimate.question.at
     yield f"#   pinfric inverse scene.yaml LOG --effort-at {at}      # measured beside computed"
     yield "#   pinfric sweep scene.yaml TRAJECTORY sweep.yaml    # with what is uncertain"
     yield "#"
-    yield from (f"#   {line}" for line in found.notes)
+    yield from (f"#   {line}" for line in findings.notes)
 
 
-def _comments(found: Findings) -> dict[tuple[str, ...], str]:
+def _comments(findings: Findings) -> dict[tuple[str, ...], str]:
     """Comments by the path of keys that they stand beside."""
     comments = {}
-    order = found.scene.joint_names
-    products = {p.joint: p for p in found.parameters if p.name == "efficiency_product"}
-    for parameter in found.parameters:
+    order = findings.scene.joint_names
+    products = {p.joint: p for p in findings.parameters if p.name == "efficiency_product"}
+    for parameter in findings.parameters:
         where: tuple[str, ...] = ("friction", parameter.joint)
         if parameter.section == "transmission":
             where = ("actuators", str(order.index(parameter.joint)), "transmission")
@@ -121,10 +123,10 @@ def _comments(found: Findings) -> dict[tuple[str, ...], str]:
             comments[where] += f"; of both directions {product.value:.4g}, {_interval(product)}"
     comments |= {
         ("friction", name): "not explained by the logs: value of the scene"
-        for name in found.errors.keys() - found.laws.keys()
+        for name in findings.errors.keys() - findings.laws.keys()
     }
-    for name, law in found.laws.items():
-        error = found.errors[name]
+    for name, law in findings.laws.items():
+        error = findings.errors[name]
         where = ("actuators", str(order.index(name))) if on_motor(law) else ("friction", name)
         comments[where] = (
             f"{law}: held-out error {100 * error.share:.1f} % "

@@ -83,7 +83,7 @@ class Findings:
     @property
     def recordings(self) -> tuple[Recording, ...]:
         """The logs that were fitted."""
-        return tuple(one.recording for one in self.estimate.prepared)
+        return tuple(log.recording for log in self.estimate.prepared)
 
     @cached_property
     def advice(self) -> tuple[Advice, ...]:

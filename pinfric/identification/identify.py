@@ -126,8 +126,8 @@ def identify(
     scene = replace(scene, measured=None)  # its friction is not used
     _check_options(scene, effort_at, inertia, laws or {})
     logs = [logs] if isinstance(logs, str | Path | Log) else logs
-    for given in (logs, held_out):
-        for log in given if isinstance(given, list | tuple) else [given]:
+    for sources in (logs, held_out):
+        for log in sources if isinstance(sources, list | tuple) else [sources]:
             if not isinstance(log, str | os.PathLike | Log):
                 raise IdentificationError(
                     f"identify: a log is a {type(log).__name__}; give a file's name, or "
@@ -137,80 +137,82 @@ def identify(
     unseen = read_recordings(scene, held_out, gain or {}, {}, options) if held_out else ()
     factors = factors_to_joint(scene, effort_at)
     recordings, unseen = (
-        tuple(replace(one, effort=one.effort * factors) for one in read)
+        tuple(replace(recording, effort=recording.effort * factors) for recording in read)
         for read in (recordings, unseen)
     )
     question = Question(
         scene, recordings, effort_at, inertia == "keep", laws or {}, gain or {}, options.without
     )
-    found = estimate(question, progress or (lambda done, total: None))
-    names, said = [one.name for one in recordings], payloads or {}
+    result = estimate(question, progress or (lambda done, total: None))
+    names, said = [recording.name for recording in recordings], payloads or {}
     stated = [k for k, log in enumerate(logs) if {names[k], str(log)} & said.keys()]
-    check_one_robot(scene.joint_names, found.rows, _fits(found), names, stated)
-    return _identified(found, unseen, seed)
+    check_one_robot(scene.joint_names, result.rows, _fits(result), names, stated)
+    return _identified(result, unseen, seed)
 
 
-def _fits(found: Estimate) -> list[Fit]:
+def _fits(estimate: Estimate) -> list[Fit]:
     """The fit of all logs, and of each log alone with the same laws; a hold has none of its own."""
-    problem, log_of = found.problem, np.full(found.problem.folds.size, -1)
-    for rows in found.rows:
+    problem, log_of = estimate.problem, np.full(estimate.problem.folds.size, -1)
+    for rows in estimate.rows:
         log_of[rows.block] = rows.log
-    slots = problem.slots(found.choice.laws)
-    alone = [problem.normal(log_of == log) for log in range(len(found.prepared))]
+    slots = problem.slots(estimate.choice.laws)
+    alone = [problem.normal(log_of == log) for log in range(len(estimate.prepared))]
     return [
-        found.fit,
+        estimate.fit,
         *(
-            FrictionNormalEquations(own, problem.prior).fit(slots) if own.rows else found.fit
+            FrictionNormalEquations(own, problem.prior).fit(slots) if own.rows else estimate.fit
             for own in alone
         ),
     ]
 
 
-def _identified(found: Estimate, unseen: Sequence[Recording], seed: int) -> Identified:
+def _identified(estimate: Estimate, unseen: Sequence[Recording], seed: int) -> Identified:
     """Return what an estimate says in a scene's terms."""
-    scene = found.question.scene
-    shapes = misfits(found)
-    known = uncertainty(found, shapes)
-    static = break_aways(found)
-    better = identified_scene(found, static)
+    scene = estimate.question.scene
+    shapes = misfits(estimate)
+    known = uncertainty(estimate, shapes)
+    static = break_aways(estimate)
+    better = identified_scene(estimate, static)
     names = scene.joint_names
-    rest = dict(zip(names, rest_bounds(found, better), strict=True))
+    bounds = dict(zip(names, rest_bounds(estimate, better), strict=True))
     spread = dict(zip(names, known.spread.tolist(), strict=True))
-    every = parameters(found, known, static)
-    said = notes(found, rest, every, static, shapes, known.uneven)
+    coefficients = parameters(estimate, known, static)
+    said = notes(estimate, bounds, coefficients, static, shapes, known.uneven)
     return Identified(
         scene=better,
-        laws={names[j]: found.choice.laws[j] for j in found.known},
-        parameters=every,
-        posterior=_posterior(found, known, seed),
+        laws={names[j]: estimate.choice.laws[j] for j in estimate.known},
+        parameters=coefficients,
+        posterior=_posterior(estimate, known, seed),
         errors={
             name: HeldOut(_rms(rows.effort), float(chosen), float(plain))
-            for name, rows, chosen, plain in zip(names, found.rows, *found.errors, strict=True)
+            for name, rows, chosen, plain in zip(
+                names, estimate.rows, *estimate.errors, strict=True
+            )
             if rows.effort.size
         },
-        unseen={one.name: _predicted(found, one) for one in unseen},
-        rest=rest,
+        unseen={recording.name: _predicted(estimate, recording) for recording in unseen},
+        rest=bounds,
         spread=spread,
-        delay=found.delay.value,
+        delay=estimate.delay.value,
         doubts=said.doubts,
         notes=said.doubts + said.others,
         misfits=shapes,
-        estimate=found,
+        estimate=estimate,
     )
 
 
-def beside_measured(found: Identified, log: int = 0) -> tuple[InverseResult, JudgedLog]:
+def beside_measured(identified: Identified, log: int = 0) -> tuple[InverseResult, JudgedLog]:
     """Return the identified scene's efforts along a log, and the log's own compared with them.
 
     Args:
-        found: what was identified.
+        identified: what was identified.
         log: which of its logs.
     """
-    recording = found.recordings[log]
-    result = inverse_dynamics(found.scene, recording.trajectory)
-    at = found.estimate.question.at
-    whole = recording.effort + found.estimate.prepared[log].missing
-    effort = dict(zip(found.scene.joint_names, whole.T, strict=True))
+    recording = identified.recordings[log]
+    result = inverse_dynamics(identified.scene, recording.trajectory)
+    at = identified.estimate.question.at
+    whole = recording.effort + identified.estimate.prepared[log].missing
+    effort = dict(zip(identified.scene.joint_names, whole.T, strict=True))
     reading = replace(recording.reading, effort=effort)
     measured = {
         name: compare_effort(result, j, y, at) for j, (name, y) in enumerate(effort.items())
@@ -218,20 +220,20 @@ def beside_measured(found: Identified, log: int = 0) -> tuple[InverseResult, Jud
     return result, JudgedLog(reading, measured=measured, at=at)
 
 
-def left_over(found: Identified, joint: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def left_over(identified: Identified, joint: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return (n,) velocity, effort without friction, and measured less fitted effort of one joint.
 
     Args:
-        found: what was identified.
+        identified: what was identified.
         joint: its number.
     """
-    rows = found.estimate.rows[joint]
-    return rows.velocity, rows.load, residuals(rows, found.estimate.fit, joint)
+    rows = identified.estimate.rows[joint]
+    return rows.velocity, rows.load, residuals(rows, identified.estimate.fit, joint)
 
 
 def running_mean(x: np.ndarray, y: np.ndarray, parts: int = 12) -> tuple[np.ndarray, np.ndarray]:
     """Return means of x and of y over parts of equally many of them, in the order of x."""
-    order = [part for part in np.array_split(np.argsort(x), parts) if part.size]
+    order = [indices for indices in np.array_split(np.argsort(x), parts) if indices.size]
     return np.array([x[k].mean() for k in order]), np.array([y[k].mean() for k in order])
 
 
@@ -263,15 +265,15 @@ def _check_options(scene: Scene, effort_at: str, inertia: str, laws: Mapping[str
             )
 
 
-def _predicted(found: Estimate, recording: Recording) -> dict[str, HeldOut]:
+def _predicted(estimate: Estimate, recording: Recording) -> dict[str, HeldOut]:
     """Errors on a log that was not fitted."""
-    thin, no_gravity = thinning([recording]), found.question.no_gravity
-    one = reloaded(found, prepare(found.question.scene, recording, thin, no_gravity))
-    one = settled(one) if any(found.delay.builds_up) else one
-    rows = [joint_rows([one], j, found.delay.value) for j in range(len(found.rows))]
+    thin, no_gravity = thinning([recording]), estimate.question.no_gravity
+    prepared = reloaded(estimate, prepare(estimate.question.scene, recording, thin, no_gravity))
+    prepared = settled(prepared) if any(estimate.delay.builds_up) else prepared
+    rows = [joint_rows([prepared], j, estimate.delay.value) for j in range(len(estimate.rows))]
     return {
-        name: HeldOut(_rms(own.effort), _rms(residuals(own, found.fit, j)), np.nan)
-        for j, (name, own) in enumerate(zip(found.scene.joint_names, rows, strict=True))
+        name: HeldOut(_rms(own.effort), _rms(residuals(own, estimate.fit, j)), np.nan)
+        for j, (name, own) in enumerate(zip(estimate.scene.joint_names, rows, strict=True))
         if own.effort.size
     }
 
@@ -280,21 +282,21 @@ def _rms(x: FloatArray) -> float:
     return float(np.sqrt(np.mean(x**2)))
 
 
-def _posterior(found: Estimate, known: Uncertainty, seed: int) -> dict[str, FloatArray]:
+def _posterior(estimate: Estimate, known: Uncertainty, seed: int) -> dict[str, FloatArray]:
     """Draws of every coefficient above zero, in the scene's terms."""
-    draws = known.draws(found.fit.slots, _DRAWS, seed)
-    slots, ways = found.problem.slots(found.choice.laws), set(COULOMB)
+    draws = known.draws(estimate.fit.slots, _DRAWS, seed)
+    slots, ways = estimate.problem.slots(estimate.choice.laws), set(COULOMB)
     stribeck = {*RESTS_ON, STRIBECK_VELOCITY}  # no key of a sweep
     result = {}
     for at in known.place.tolist():
         j, slot = divmod(at, K)
-        if j not in found.known or slot in stribeck:
+        if j not in estimate.known or slot in stribeck:
             continue
-        law = found.choice.laws[j]
-        ratio = abs(found.scene.drives[j].ratio)
+        law = estimate.choice.laws[j]
+        ratio = abs(estimate.scene.drives[j].ratio)
         values = np.asarray(scene_value(law, slot, draws[:, at], ratio))
         # what moved one way only has this friction the other way, too
         for own in ways if slot in ways and not ways <= set(slots[j]) else {slot}:
-            section, name, _ = scene_key(found.scene, j, law, own)
-            result[f"{section}.{found.scene.joint_names[j]}.{name}"] = values
+            section, name, _ = scene_key(estimate.scene, j, law, own)
+            result[f"{section}.{estimate.scene.joint_names[j]}.{name}"] = values
     return result

@@ -106,11 +106,11 @@ def consistent_fit(
             normal.slots[np.ix_(active, active)],
             np.column_stack((normal.cross[:, active].T, normal.right_slots[active])),
         )
-        left = normal.rigid - normal.cross[:, active] @ solved[:, :-1] + np.diag(strength)
+        hessian = normal.rigid - normal.cross[:, active] @ solved[:, :-1] + np.diag(strength)
         right = normal.right_rigid + strength * prior.center
         right = right - normal.cross[:, active] @ solved[:, -1]
-        best = np.asarray(np.linalg.solve(left, right), dtype=np.float64)
-        root = np.asarray(np.linalg.cholesky(left).T, dtype=np.float64)
+        best = np.asarray(np.linalg.solve(hessian, right), dtype=np.float64)
+        root = np.asarray(np.linalg.cholesky(hessian).T, dtype=np.float64)
         psi = _nearest_bodies(psi, best, root)
         theta = _theta(psi)
         before, x = x, np.zeros_like(x)

@@ -79,18 +79,18 @@ def influence(
     p, n, blocks = fit.theta.size, place.size, grams[0].count.size
     hessian, scores = np.zeros((p + n, p + n)) + feedback, np.zeros((blocks, p + n))
     own_parts = np.zeros((blocks, p + n, p + n))
-    for j, (one, weight) in enumerate(zip(grams, weights, strict=True)):
+    for j, (products, weight) in enumerate(zip(grams, weights, strict=True)):
         to, columns = of_joint(place, j, p)
-        part = weight * one.products[:, columns]
-        own_parts[np.ix_(np.arange(blocks), to, to)] += part[:, :, columns]
-        scores[:, to] += part @ np.append(-fit.of_joint(j), 1.0)
+        weighted = weight * products.products[:, columns]
+        own_parts[np.ix_(np.arange(blocks), to, to)] += weighted[:, :, columns]
+        scores[:, to] += weighted @ np.append(-fit.of_joint(j), 1.0)
     hessian += own_parts.sum(axis=0)
     drawn = np.zeros((0, p + n)) if unknown is None else unknown
     if prior.kept:
         hessian, scores, own_parts = hessian[p:, p:], scores[:, p:], own_parts[:, p:, p:]
         drawn = drawn[:, p:]
     else:
-        strength = sum(float(one.count.sum()) for one in grams) * prior.weight
+        strength = sum(float(products.count.sum()) for products in grams) * prior.weight
         hessian[:p, :p] += np.diag(strength)
         drawn = np.vstack((np.eye(p, p + n) * (strength * prior.deviation)[:, None], drawn))
     # Changes of the estimate by blocks and by all else, (., size); how many blocks have rows

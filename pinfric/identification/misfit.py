@@ -86,63 +86,67 @@ class _Track:
     press: FloatArray
 
 
-def misfits(found: Estimate) -> tuple[Misfit, ...]:
+def misfits(estimate: Estimate) -> tuple[Misfit, ...]:
     """Return the shapes that residuals have, joint by joint, the largest of each joint first.
 
     Args:
-        found: the estimate.
+        estimate: the estimate.
     """
-    presses = [_presses(found, one) for one in found.prepared]
-    return tuple(one for j in found.known for one in _of_joint(found, j, _track(found, j, presses)))
+    presses = [_presses(estimate, one) for one in estimate.prepared]
+    return tuple(
+        one for j in estimate.known for one in _of_joint(estimate, j, _track(estimate, j, presses))
+    )
 
 
-def uneven(found: Estimate) -> dict[int, float]:
+def uneven(estimate: Estimate) -> dict[int, float]:
     """Return joint -> half the difference of its Coulomb friction by direction, where it is large.
 
     An offset of the effort's sensor makes the same difference, and no log tells the two apart.
 
     Args:
-        found: the estimate.
+        estimate: the estimate.
     """
     result = {}
-    for j in found.known:
-        up, down = found.fit.slots[j, COULOMB].tolist()
-        if found.choice.laws[j].coulomb and abs(up - down) > UNEVEN * (up + down):
+    for j in estimate.known:
+        up, down = estimate.fit.slots[j, COULOMB].tolist()
+        if estimate.choice.laws[j].coulomb and abs(up - down) > UNEVEN * (up + down):
             result[j] = 0.5 * (up - down)
     return result
 
 
-def _of_joint(found: Estimate, joint: int, track: _Track) -> Iterator[Misfit]:
+def _of_joint(estimate: Estimate, joint: int, track: _Track) -> Iterator[Misfit]:
     """Shapes of one joint's residual, the largest first."""
-    rows, weight = found.rows[joint], np.sqrt(found.row_weights[joint])
+    rows, weight = estimate.rows[joint], np.sqrt(estimate.row_weights[joint])
     key = np.column_stack((rows.log, np.floor(rows.time / _SPAN).astype(np.int64)))
     span = np.unique(key, axis=0, return_inverse=True)[1].ravel()  # of each row
     spans = int(span.max(initial=-1)) + 1
     if spans < _FEWEST_SPANS:
         return
-    law = found.choice.laws[joint]
+    law = estimate.choice.laws[joint]
     active = [INERTIA, *law.slots, *([STRIBECK_VELOCITY] if law.stribeck_slots else [])]
     model = np.column_stack((rows.rigid, rows.slots[:, active])) * weight[:, None]
-    left = residuals(rows, found.fit, joint) * weight
-    shapes = list(_shapes(found, joint, track))
+    residual = residuals(rows, estimate.fit, joint) * weight
+    shapes = list(_shapes(estimate, joint, track))
     for _ in range(_MOST):
         basis = orthonormal(model)
-        rest = left - basis @ (basis.T @ left)
+        unexplained = residual - basis @ (basis.T @ residual)
         best: Misfit | None = None
         for over, columns in shapes:
             own, beside = _beyond(orthonormal(columns * weight[:, None]), basis)
             clear, m = beside / np.linalg.norm(beside, axis=0), beside.shape[1]
             if m == 0 or spans < 2 * m + 2:
                 continue
-            part = float(np.sum((clear.T @ rest) ** 2))
-            share = part / float(rest @ rest)
+            square = float(np.sum((clear.T @ unexplained) ** 2))
+            share = square / float(unexplained @ unexplained)
             if share < max(_LEAST_SHARE, best.share if best else 0.0):
                 continue
             sums = np.zeros((spans, m))
-            np.add.at(sums, span, clear * rest[:, None])
+            np.add.at(sums, span, clear * unexplained[:, None])
             if chance(sums) < _CHANCE:
-                spread = float(np.sqrt(part / np.sum(beside**2))) / weight[:, None]
-                best = Misfit(joint, over, float(np.sqrt(part / rest.size)), share, spread * own, m)
+                spread = float(np.sqrt(square / np.sum(beside**2))) / weight[:, None]
+                best = Misfit(
+                    joint, over, float(np.sqrt(square / unexplained.size)), share, spread * own, m
+                )
         if best is None:
             return
         yield best
@@ -159,8 +163,8 @@ def _beyond(own: FloatArray, basis: FloatArray) -> tuple[FloatArray, FloatArray]
         basis: (n, p) orthonormal columns of the model.
     """
     beside = own - basis @ (basis.T @ own)
-    left, vectors = np.linalg.eigh(-beside.T @ beside)
-    return own @ vectors, beside @ vectors[:, -left > _DESCRIBED]
+    values, vectors = np.linalg.eigh(-beside.T @ beside)
+    return own @ vectors, beside @ vectors[:, -values > _DESCRIBED]
 
 
 def chance(sums: FloatArray) -> float:
@@ -176,16 +180,17 @@ def chance(sums: FloatArray) -> float:
     return float(fdtrc(m, count - m, T * (count - m) / (m * max(count - T, 1e-9))))
 
 
-def _presses(found: Estimate, one: Prepared) -> FloatArray:
+def _presses(estimate: Estimate, prepared: Prepared) -> FloatArray:
     """Loads of each joint's bearing in one log, (n, nj, 3): N across and along its axis, N m.
 
     The moment is the part that does not act about the axis.
     """
-    motion, model = one.recording.trajectory, found.scene.model
+    motion, model = prepared.recording.trajectory, estimate.scene.model
     q, v, a, attached = (
-        np.ascontiguousarray(x[one.kept]) for x in (motion.q, motion.v, motion.a, motion.attached)
+        np.ascontiguousarray(x[prepared.kept])
+        for x in (motion.q, motion.v, motion.a, motion.attached)
     )
-    wrench = state_wrenches(found.scene, States.of(found.scene, q, v, a, None, attached))
+    wrench = state_wrenches(estimate.scene, States.of(estimate.scene, q, v, a, None, attached))
     loads = np.empty((len(q), model.nv, 3))
     for j in range(model.nv):
         axes = np.asarray(model.joints[j + 1].createData().S).reshape(6)
@@ -198,19 +203,20 @@ def _presses(found: Estimate, one: Prepared) -> FloatArray:
     return loads
 
 
-def _track(found: Estimate, joint: int, presses: Sequence[FloatArray]) -> _Track:
+def _track(estimate: Estimate, joint: int, presses: Sequence[FloatArray]) -> _Track:
     """What the shapes of one joint are made of."""
     from scipy.interpolate import CubicSpline
 
     parts = []
-    for one, press in zip(found.prepared, presses, strict=True):
-        at = one.kept[one.slides[:, joint]]
-        recording, own = one.recording, one.slides[:, joint]
+    for prepared, press in zip(estimate.prepared, presses, strict=True):
+        at = prepared.kept[prepared.slides[:, joint]]
+        recording, own = prepared.recording, prepared.slides[:, joint]
         t = recording.trajectory.t
         fitted = (
-            one.rigid[:, joint] @ found.fit.theta + one.slots[:, joint] @ found.fit.slots[joint]
+            prepared.rigid[:, joint] @ estimate.fit.theta
+            + prepared.slots[:, joint] @ estimate.fit.slots[joint]
         )
-        curve = CubicSpline(t[one.kept], fitted)
+        curve = CubicSpline(t[prepared.kept], fitted)
         q = recording.trajectory.joint_positions()[at, joint]
         middle, half = 0.5 * (t[0] + t[-1]), 0.5 * (t[-1] - t[0])
         parts.append(
@@ -218,8 +224,8 @@ def _track(found: Estimate, joint: int, presses: Sequence[FloatArray]) -> _Track
                 q,
                 recording.velocity[at, joint],
                 recording.acceleration[at, joint],
-                curve(t[one.kept], 1)[own],
-                curve(t[one.kept], 2)[own],
+                curve(t[prepared.kept], 1)[own],
+                curve(t[prepared.kept], 2)[own],
                 (t[at] - middle) / half,
                 press[own, joint],
             )
@@ -227,11 +233,11 @@ def _track(found: Estimate, joint: int, presses: Sequence[FloatArray]) -> _Track
     return _Track(*(np.concatenate(column) for column in zip(*parts, strict=True)))
 
 
-def _shapes(found: Estimate, joint: int, track: _Track) -> Iterator[tuple[str, FloatArray]]:
+def _shapes(estimate: Estimate, joint: int, track: _Track) -> Iterator[tuple[str, FloatArray]]:
     """What a residual may depend on, in words, and its columns."""
-    v, load, sign = track.v, found.rows[joint].load, np.sign(track.v)
+    v, load, sign = track.v, estimate.rows[joint].load, np.sign(track.v)
     speed = np.abs(v)
-    yield from _by_angle(found, joint, track)
+    yield from _by_angle(estimate, joint, track)
     hats = _hats(speed, (0.02, 0.1, 0.25, 0.5, 0.8))
     yield "the speed", hats * sign[:, None]
     yield (
@@ -256,10 +262,10 @@ def _shapes(found: Estimate, joint: int, track: _Track) -> Iterator[tuple[str, F
     )
 
 
-def _by_angle(found: Estimate, joint: int, track: _Track) -> Iterator[tuple[str, FloatArray]]:
+def _by_angle(estimate: Estimate, joint: int, track: _Track) -> Iterator[tuple[str, FloatArray]]:
     """Shapes over the turn of the joint, or its travel, and over the turn of its motor."""
-    drive, sign = found.scene.drives[joint], np.sign(track.v)
-    turning = turns(found.scene, found.scene.joint_names[joint])
+    drive, sign = estimate.scene.drives[joint], np.sign(track.v)
+    turning = turns(estimate.scene, estimate.scene.joint_names[joint])
     low, high = float(track.q.min()), float(track.q.max())
     angle = track.q if turning else np.pi * (track.q - low) / max(high - low, 1e-12)
     for k in _HARMONICS:

@@ -74,9 +74,9 @@ class BlockProducts:
         size = columns.shape[1]
         products, count = np.zeros((blocks, size, size)), np.zeros(blocks)
         for b in np.unique(rows.block):
-            part = rows.block == b
-            products[b] = gram(columns[part], weight[part])
-            count[b] = part.sum()
+            in_block = rows.block == b
+            products[b] = gram(columns[in_block], weight[in_block])
+            count[b] = in_block.sum()
         return cls(products, count)
 
 
@@ -119,7 +119,7 @@ class Normal:
         """Sum the blocks' products, joint j with weight `weights[j]`."""
         nj = len(grams)
         p = grams[0].products.shape[1] - K - 1
-        found = cls(
+        normal = cls(
             np.zeros((p, p)),
             np.zeros((p, nj * K)),
             np.zeros((nj * K, nj * K)),
@@ -130,12 +130,12 @@ class Normal:
         for j, (own, weight) in enumerate(zip(grams, weights, strict=True)):
             s = weight * own.products[blocks].sum(axis=0)
             place = slice(j * K, (j + 1) * K)
-            found.rigid[:] += s[:p, :p]
-            found.right_rigid[:] += s[:p, -1]
-            found.cross[:, place] = s[:p, p:-1]
-            found.slots[place, place] = s[p:-1, p:-1]
-            found.right_slots[place] = s[p:-1, -1]
-        return found
+            normal.rigid[:] += s[:p, :p]
+            normal.right_rigid[:] += s[:p, -1]
+            normal.cross[:, place] = s[:p, p:-1]
+            normal.slots[place, place] = s[p:-1, p:-1]
+            normal.right_slots[place] = s[p:-1, -1]
+        return normal
 
 
 class FrictionNormalEquations:
@@ -178,11 +178,11 @@ class ManyNormalEquations:
         every: one for each part.
     """
 
-    def __init__(self, every: Sequence[FrictionNormalEquations]) -> None:
-        self.left = np.array([one.left for one in every])
-        self.right = np.array([one.right for one in every])
-        self.by_slots = np.array([one.by_slots for one in every])
-        self.start = np.array([one.start for one in every])
+    def __init__(self, equations: Sequence[FrictionNormalEquations]) -> None:
+        self.left = np.array([equation.left for equation in equations])
+        self.right = np.array([equation.right for equation in equations])
+        self.by_slots = np.array([equation.by_slots for equation in equations])
+        self.start = np.array([equation.start for equation in equations])
 
     def fit(self, chosen: Sequence[Sequence[int]]) -> tuple[FloatArray, FloatArray]:
         """Return theta (parts, p) and coefficients (parts, nj, K) of all parts."""
@@ -201,8 +201,8 @@ def weighted(rows: Sequence[Rows], fit: Fit) -> tuple[tuple[FloatArray, ...], Fl
         fit: what they leave residuals of.
     """
     of_rows, of_joints = [], []
-    for j, one in enumerate(rows):
-        off = np.abs(residuals(one, fit, j))
+    for j, own in enumerate(rows):
+        off = np.abs(residuals(own, fit, j))
         if off.size == 0:
             of_rows.append(off)
             of_joints.append(0.0)
@@ -210,7 +210,7 @@ def weighted(rows: Sequence[Rows], fit: Fit) -> tuple[tuple[FloatArray, ...], Fl
         most = _HUBER * 1.4826 * float(np.median(off)) + 1e-12
         weight = np.minimum(1.0, most / np.maximum(off, 1e-12))
         of_rows.append(weight)
-        least = _EXACT**2 * float(np.mean(one.effort**2)) + 1e-12
+        least = _EXACT**2 * float(np.mean(own.effort**2)) + 1e-12
         of_joints.append(1.0 / max(float(np.mean(weight * off**2)), least))
     return tuple(of_rows), np.array(of_joints)
 
@@ -225,8 +225,8 @@ def gram(columns: FloatArray, weight: FloatArray) -> FloatArray:
     size = columns.shape[1]
     total, rows = np.zeros((size, size)), _rows_alone(size, size)
     for start in range(0, len(columns), rows):
-        part = columns[start : start + rows]
-        total += (part * weight[start : start + rows, None]).T @ part
+        chunk = columns[start : start + rows]
+        total += (chunk * weight[start : start + rows, None]).T @ chunk
     return total
 
 
@@ -253,10 +253,10 @@ def beside(basis: FloatArray, columns: FloatArray) -> FloatArray:
         columns: (n, m) A.
     """
     r, rows = basis.shape[1], _rows_alone(basis.shape[1], columns.shape[1])
-    part = np.zeros((r, columns.shape[1]))
+    projection = np.zeros((r, columns.shape[1]))
     for start in range(0, len(columns), rows):
-        part += basis[start : start + rows].T @ columns[start : start + rows]
-    return columns - _times(basis, part)
+        projection += basis[start : start + rows].T @ columns[start : start + rows]
+    return columns - _times(basis, projection)
 
 
 def _times(columns: FloatArray, small: FloatArray) -> FloatArray:
@@ -308,24 +308,24 @@ def non_negative(left: FloatArray, right: FloatArray) -> FloatArray:
     size = np.sqrt(np.maximum(diagonal, least))
     scaled = left / (size[..., :, None] * size[..., None, :]) + _RIDGE * np.eye(n)
     target = right / size
-    every, wanted = scaled.reshape(-1, n, n), target.reshape(-1, n)
-    found, free = np.empty_like(wanted), np.ones(wanted.shape, dtype=bool)
+    matrices, wanted = scaled.reshape(-1, n, n), target.reshape(-1, n)
+    solutions, free = np.empty_like(wanted), np.ones(wanted.shape, dtype=bool)
     open_, slack = np.arange(len(wanted)), _SLACK * np.abs(wanted).max(axis=1, keepdims=True)
     for _ in range(_EXCHANGES):
-        here, own = free[open_], every[open_]
+        here, own = free[open_], matrices[open_]
         held = own * (here[:, :, None] & here[:, None, :]) + np.eye(n) * ~here[:, None, :]
         x = np.linalg.solve(held, (wanted[open_] * here)[:, :, None])
         gradient = (own @ x)[:, :, 0] - wanted[open_]
-        found[open_] = x[:, :, 0]
-        wrong = np.where(here, found[open_] < 0.0, gradient < -slack[open_])
+        solutions[open_] = x[:, :, 0]
+        wrong = np.where(here, solutions[open_] < 0.0, gradient < -slack[open_])
         free[open_] = here ^ wrong
         open_ = open_[wrong.any(axis=1)]
         if open_.size == 0:
             break
     for at in open_.tolist():
-        root = np.linalg.cholesky(every[at])
-        found[at], _ = nnls(root.T, np.linalg.solve(root, wanted[at]))
-    return np.asarray(found.reshape(right.shape) / size)
+        root = np.linalg.cholesky(matrices[at])
+        solutions[at], _ = nnls(root.T, np.linalg.solve(root, wanted[at]))
+    return np.asarray(solutions.reshape(right.shape) / size)
 
 
 def residuals(rows: Rows, fit: Fit, joint: int) -> FloatArray:

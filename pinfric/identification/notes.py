@@ -49,9 +49,9 @@ class Notes(NamedTuple):
 
 
 def notes(
-    found: Estimate,
+    estimate: Estimate,
     rest: Mapping[str, RestBound],
-    every: Sequence[Parameter],
+    coefficients: Sequence[Parameter],
     static: Mapping[tuple[int, int], BreakAway],
     shapes: Sequence[Misfit] = (),
     uneven: Mapping[int, float] = MappingProxyType({}),
@@ -59,37 +59,41 @@ def notes(
     """Return a line for everything that was read, repaired or left out, or that logs do not show.
 
     Args:
-        found: the estimate.
+        estimate: the estimate.
         rest: joint -> what its holds show.
-        every: the coefficients.
+        coefficients: the coefficients.
         static: see `parameters`.
         shapes: what residuals still depend on.
         uneven: see `Uncertainty`.
     """
     lines = [
-        f"{one.name}: {line}" for one in found.question.recordings for line in one.reading.notes
+        f"{recording.name}: {line}"
+        for recording in estimate.question.recordings
+        for line in recording.reading.notes
     ]
-    if place := place_note(found.question.scene, found.question.at):
+    if place := place_note(estimate.question.scene, estimate.question.at):
         lines.append(place)
-    lines += _of_logs(found)
-    slid = [j for j, rows in enumerate(found.rows) if rows.effort.size]
+    lines += _of_logs(estimate)
+    slid = [j for j, rows in enumerate(estimate.rows) if rows.effort.size]
     lines += _by_joint(
-        _of_motion(found, slid) | _of_rest(found, slid, rest, static) | _of_laws(found, slid)
+        _of_motion(estimate, slid)
+        | _of_rest(estimate, slid, rest, static)
+        | _of_laws(estimate, slid)
     )
-    lines += _open_exponents(found)
-    lines += _of_masses(found)
-    stick = stick_velocity(found.question.scene, found.question.recordings)
-    if stick > found.question.scene.stick_velocity:
+    lines += _open_exponents(estimate)
+    lines += _of_masses(estimate)
+    stick = stick_velocity(estimate.question.scene, estimate.question.recordings)
+    if stick > estimate.question.scene.stick_velocity:
         lines.append(
             f"the scene's `stick` velocity is {stick:.1e} rad/s or m/s: noise makes joints at rest "
             "appear to move up to this speed"
         )
-    if found.distrusted:
+    if estimate.distrusted:
         lines.append(
             "too little data to choose laws: on blocks that were not used, the chosen laws predict "
             "worse than Coulomb and viscous friction; so Coulomb and viscous friction is used"
         )
-    vague = [p.key for p in every if not p.determined]
+    vague = [p.key for p in coefficients if not p.determined]
     if vague:
         lines.append(f"not determined: {', '.join(vague)}")
     lines.append(
@@ -97,13 +101,13 @@ def notes(
         "Coulomb friction"
     )
     # What contradicts the model, and at which joints
-    names = found.scene.joint_names
-    fitted = [(j, found.rows[j], residuals(found.rows[j], found.fit, j)) for j in slid]
+    names = estimate.scene.joint_names
+    fitted = [(j, estimate.rows[j], residuals(estimate.rows[j], estimate.fit, j)) for j in slid]
     contradicting = {
         "the model does not explain its effort (held-out error / error of the mean effort), so it "
         "keeps the scene's friction: check joint, sign, zero and unit of its columns of angle and "
         "effort, and of its neighbours'": [
-            f"{names[j]} {100 * share:.0f} %" for j, share in found.unexplained.items()
+            f"{names[j]} {100 * share:.0f} %" for j, share in estimate.unexplained.items()
         ],
         "the error is above 10 % even on the fitted data, so something is missing or wrong "
         "(signs, zeros, motors that move with another joint)": [
@@ -116,7 +120,7 @@ def notes(
         "out (--without)": [
             names[j]
             for j, rows, off in fitted
-            if found.question.motor and _frictionless(rows, off, found.fit.slots[j])
+            if estimate.question.motor and _frictionless(rows, off, estimate.fit.slots[j])
         ],
         f"efforts at rest are within the interval for less than {100 * _HELD_INSIDE:g} % of the "
         "time, so static friction or the rigid effort is wrong": [
@@ -126,15 +130,15 @@ def notes(
         ],
     }
     clear, slight = ([x for x in shapes if (x.share > _SLIGHT) is named] for named in (True, False))
-    lines += _misfits(found, slight)
-    doubts = _by_joint(contradicting) + _misfits(found, clear) + _uneven(found, uneven)
-    doubts += _delays(found)
-    if found.question.no_gravity:
+    lines += _misfits(estimate, slight)
+    doubts = _by_joint(contradicting) + _misfits(estimate, clear) + _uneven(estimate, uneven)
+    doubts += _delays(estimate)
+    if estimate.question.no_gravity:
         doubts.append(
             "the efforts hold no gravity (their controller takes it off): friction was fitted with "
             "loads from the URDF's masses, and no inertias are written"
         )
-    doubts += [] if found.question.inertias_stay else _by_joint(_of_links(found))
+    doubts += [] if estimate.question.inertias_stay else _by_joint(_of_links(estimate))
     return Notes(tuple(doubts), tuple(lines))
 
 
@@ -150,30 +154,30 @@ def _by_joint(what: Mapping[str, list[str]]) -> list[str]:
     return [f"{text}: {', '.join(names)}" for text, names in what.items() if names]
 
 
-def _misfits(found: Estimate, shapes: Sequence[Misfit]) -> list[str]:
+def _misfits(estimate: Estimate, shapes: Sequence[Misfit]) -> list[str]:
     """What each joint's law does not describe, and what may cause it."""
     lines = []
-    for j in sorted({one.joint for one in shapes}):
-        unit = effort_unit(found.scene, j)
+    for j in sorted({shape.joint for shape in shapes}):
+        unit = effort_unit(estimate.scene, j)
         own = [
-            f"{one.over} {one.size:.2g} {unit} RMS ({100 * one.share:.0f} % of its square)"
-            for one in shapes
-            if one.joint == j
+            f"{shape.over} {shape.size:.2g} {unit} RMS ({100 * shape.share:.0f} % of its square)"
+            for shape in shapes
+            if shape.joint == j
         ]
         lines.append(
-            f"lack of fit: {found.scene.joint_names[j]}: the residual still depends on "
+            f"lack of fit: {estimate.scene.joint_names[j]}: the residual still depends on "
             f"{'; '.join(own)}; intervals are widened for that"
         )
     return lines
 
 
-def _uneven(found: Estimate, halves: Mapping[int, float]) -> list[str]:
+def _uneven(estimate: Estimate, halves: Mapping[int, float]) -> list[str]:
     """Joints whose friction differs so much by direction that a sensor may be off."""
     lines = []
     for j, half in halves.items():
-        unit = effort_unit(found.scene, j)
+        unit = effort_unit(estimate.scene, j)
         lines.append(
-            f"lack of fit: {found.scene.joint_names[j]}: Coulomb friction differs by "
+            f"lack of fit: {estimate.scene.joint_names[j]}: Coulomb friction differs by "
             f"{2.0 * abs(half):.2g} {unit} between the directions; an offset of "
             f"{abs(half):.2g} {unit} in the effort sensor would explain it; intervals are "
             "widened to contain both"
@@ -181,12 +185,12 @@ def _uneven(found: Estimate, halves: Mapping[int, float]) -> list[str]:
     return lines
 
 
-def _open_exponents(found: Estimate) -> list[str]:
+def _open_exponents(estimate: Estimate) -> list[str]:
     """Joints whose logs admit several exponents of the fall from rest to motion."""
-    every = zip(found.scene.joint_names, found.stribeck, found.choice.laws, strict=False)
+    joints = zip(estimate.scene.joint_names, estimate.stribeck, estimate.choice.laws, strict=False)
     each = [
         f"{name} {', '.join(f'{n:g}' for n in sorted([stribeck.exponent, *others]))}"
-        for name, stribeck, law in every
+        for name, stribeck, law in joints
         if stribeck is not None
         and law.stribeck_slots
         and (others := [other.exponent for other in stribeck.others])
@@ -199,17 +203,17 @@ def _open_exponents(found: Estimate) -> list[str]:
     ]
 
 
-def _of_links(found: Estimate) -> dict[str, list[str]]:
+def _of_links(estimate: Estimate) -> dict[str, list[str]]:
     """What contradicts the links: free ones predict better, masses are far from the URDF's."""
-    names, (own, _) = found.scene.joint_names, found.errors
-    free = free_errors(found.problem, found.rows)
-    changes = mass_changes(found.question.scene.model, found.fit.theta)
+    names, (own, _) = estimate.scene.joint_names, estimate.errors
+    free = free_errors(estimate.problem, estimate.rows)
+    changes = mass_changes(estimate.question.scene.model, estimate.fit.theta)
     return {
         "held-out errors are larger than those of ordinary least squares (Coulomb and viscous "
         "friction, free link inertias), so the URDF's inertias are wrong there, or too little was "
         "logged to choose a law": [
             f"{names[j]} by {100 * (own[j] / free[j] - 1):.0f} %"
-            for j in found.known
+            for j in estimate.known
             if own[j] > (1.0 + _WORSE) * free[j]
         ],
         f"masses that differ from the URDF's by more than {100 * _MOVED:.0f} %, which is unusual "
@@ -222,12 +226,14 @@ def _of_links(found: Estimate) -> dict[str, list[str]]:
     }
 
 
-def _of_logs(found: Estimate) -> list[str]:
+def _of_logs(estimate: Estimate) -> list[str]:
     """What one log does not show, and what several say of the delay."""
-    delay, lines = found.delay, []
-    moving = [one.slides.any() for one in found.prepared]
+    delay, lines = estimate.delay, []
+    moving = [log.slides.any() for log in estimate.prepared]
     still = [
-        one.recording.name for one, slides in zip(found.prepared, moving, strict=True) if not slides
+        log.recording.name
+        for log, slides in zip(estimate.prepared, moving, strict=True)
+        if not slides
     ]
     if still:
         lines.append(f"no joint slides in {', '.join(still)}: used for bounds on friction at rest")
@@ -249,36 +255,36 @@ def _of_logs(found: Estimate) -> list[str]:
             f"{1e3 * delay.standard_error:.1f} ms) and is taken as {1e3 * delay.value:.1f} ms: log "
             "faster motion"
         )
-    built_up = zip(found.prepared, delay.builds_up, strict=True)
-    if names := [one.recording.name for one, builds_up in built_up if builds_up]:
+    built_up = zip(estimate.prepared, delay.builds_up, strict=True)
+    if names := [log.recording.name for log, builds_up in built_up if builds_up]:
         lines.append(
             f"friction builds up after reversals (presliding) in {', '.join(names)}: the fit "
             f"leaves out the first {1e3 * PRESLIDING[-1]:.0f} mrad or mm after each"
         )
     if sum(moving) > 1:
-        logs = zip(found.prepared, delay.logs, strict=True)
+        logs = zip(estimate.prepared, delay.logs, strict=True)
         each = [
-            f"{one.recording.name} {1e3 * value:.1f} +- {1e3 * error:.1f} ms"
-            for one, (value, error) in logs
+            f"{log.recording.name} {1e3 * value:.1f} +- {1e3 * error:.1f} ms"
+            for log, (value, error) in logs
             if np.isfinite(error)
         ]
         lines.append(f"delay of the efforts from each log, with standard error: {', '.join(each)}")
     return lines
 
 
-def _delays(found: Estimate) -> list[str]:
+def _delays(estimate: Estimate) -> list[str]:
     """Efforts that lag by no time found, and joints by another one if they are explained."""
-    names = found.scene.joint_names
-    if np.isinf(found.delay.standard_error):
+    names = estimate.scene.joint_names
+    if np.isinf(estimate.delay.standard_error):
         return [
             "lack of fit: the delay of the efforts is not determined (its search ended at a "
-            f"bound) and is taken as {1e3 * found.delay.value:.1f} ms: are they logged much later "
-            "than the angles, or by another clock?"
+            f"bound) and is taken as {1e3 * estimate.delay.value:.1f} ms: are they logged much "
+            "later than the angles, or by another clock?"
         ]
     each = [
         f"{names[j]} {1e3 * value:.1f} +- {1e3 * error:.1f} ms"
-        for j, (value, error) in other_delays(found.delay).items()
-        if j in found.known
+        for j, (value, error) in other_delays(estimate.delay).items()
+        if j in estimate.known
     ]
     if not each:
         return []
@@ -288,19 +294,19 @@ def _delays(found: Estimate) -> list[str]:
     ]
 
 
-def _of_masses(found: Estimate) -> list[str]:
+def _of_masses(estimate: Estimate) -> list[str]:
     """How far the links' masses have moved from the URDF's, and what that may mean."""
-    if found.question.no_gravity:
+    if estimate.question.no_gravity:
         return []
-    if found.question.keep_inertias:
+    if estimate.question.keep_inertias:
         each = ", ".join(
-            f"{found.scene.joint_names[j]} {scale:.3g} +- {reach:.2g}"
-            for j, (scale, reach) in found.gravity.items()
+            f"{estimate.scene.joint_names[j]} {scale:.3g} +- {reach:.2g}"
+            for j, (scale, reach) in estimate.gravity.items()
         )
         asked = [f"gravity in the efforts over that of the URDF: {each}"] if each else []
         return ["the URDF's inertias were kept: their errors are in the friction", *asked]
-    model, names = found.question.scene.model, found.scene.joint_names
-    bodies = zip(tuple(model.inertias)[1:], tuple(found.scene.model.inertias)[1:], strict=True)
+    model, names = estimate.question.scene.model, estimate.scene.joint_names
+    bodies = zip(tuple(model.inertias)[1:], tuple(estimate.scene.model.inertias)[1:], strict=True)
     masses = [
         f"{name} {before.mass:.3g} -> {after.mass:.3g}"
         for name, (before, after) in zip(names, bodies, strict=True)
@@ -308,13 +314,15 @@ def _of_masses(found: Estimate) -> list[str]:
     return [f"link behind each joint, kg in the URDF -> found: {', '.join(masses)}"]
 
 
-def _of_motion(found: Estimate, slid: Sequence[int]) -> dict[str, list[str]]:
+def _of_motion(estimate: Estimate, slid: Sequence[int]) -> dict[str, list[str]]:
     """What the motion does not show."""
-    names, without = found.scene.joint_names, found.question.without
+    names, without = estimate.scene.joint_names, estimate.question.without
     other = "the Coulomb friction of the other direction is used"
 
     def hardly(sign: float) -> list[str]:
-        return [names[j] for j in slid if (sign * found.rows[j].velocity > 0.0).sum() < FEWEST_ROWS]
+        return [
+            names[j] for j in slid if (sign * estimate.rows[j].velocity > 0.0).sum() < FEWEST_ROWS
+        ]
 
     return {
         "left out by --without, keeps the scene's friction": [
@@ -329,13 +337,13 @@ def _of_motion(found: Estimate, slid: Sequence[int]) -> dict[str, list[str]]:
 
 
 def _of_rest(
-    found: Estimate,
+    estimate: Estimate,
     slid: Sequence[int],
     rest: Mapping[str, RestBound],
     static: Mapping[tuple[int, int], BreakAway],
 ) -> dict[str, list[str]]:
     """What holds do not show."""
-    names = found.scene.joint_names
+    names = estimate.scene.joint_names
     rests = [j for j in slid if rest[names[j]].seconds > 0.0]
     return {
         "never rests, no bound on its static friction": [
@@ -348,17 +356,17 @@ def _of_rest(
     }
 
 
-def _of_laws(found: Estimate, slid: Sequence[int]) -> dict[str, list[str]]:
+def _of_laws(estimate: Estimate, slid: Sequence[int]) -> dict[str, list[str]]:
     """What the laws do not tell, or leave."""
-    names, choice, question = found.scene.joint_names, found.choice, found.question
+    names, choice, question = estimate.scene.joint_names, estimate.choice, estimate.question
     laws = list(zip(names, choice.laws, strict=True))
     offers_gear = [any(law.load == "gear" for law in own) for own in choice.errors]
-    scale = scale_is_known(found)
-    limits = found.scene.model.velocityLimit
-    fastest = {j: float(np.abs(found.rows[j].velocity).max()) for j in slid}
+    scale = scale_is_known(estimate)
+    limits = estimate.scene.model.velocityLimit
+    fastest = {j: float(np.abs(estimate.rows[j].velocity).max()) for j in slid}
     return {
         "never fast, friction at higher speed is extrapolated (rad/s or m/s)": [
-            f"{found.scene.joint_names[j]} {speed:.2g} of {limits[j]:.2g}"
+            f"{estimate.scene.joint_names[j]} {speed:.2g} of {limits[j]:.2g}"
             for j, speed in fastest.items()
             if speed < _FAST * limits[j] < 1e300
         ],

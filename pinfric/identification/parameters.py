@@ -140,19 +140,19 @@ def scene_value(law: Law, slot: int, value: Any, ratio: float) -> Any:
 
 
 def parameters(
-    found: Estimate, known: Uncertainty, static: Mapping[tuple[int, int], BreakAway]
+    estimate: Estimate, known: Uncertainty, static: Mapping[tuple[int, int], BreakAway]
 ) -> tuple[Parameter, ...]:
     """Return every coefficient of the laws found, in the scene's terms.
 
     Args:
-        found: the estimate.
+        estimate: the estimate.
         known: how far its coefficients are known.
         static: joint, FORWARD or BACKWARD -> friction at which it broke away, where logged.
     """
-    slots, result = found.problem.slots(found.choice.laws), []
-    for j in found.known:
-        law, ratio = found.choice.laws[j], abs(found.scene.drives[j].ratio)
-        fitted, name = found.fit.slots[j], found.scene.joint_names[j]
+    slots, result = estimate.problem.slots(estimate.choice.laws), []
+    for j in estimate.known:
+        law, ratio = estimate.choice.laws[j], abs(estimate.scene.drives[j].ratio)
+        fitted, name = estimate.fit.slots[j], estimate.scene.joint_names[j]
         for slot in slots[j]:
             own = [slot]
             if slot in RESTS_ON:  # at rest it adds to the friction in motion
@@ -164,15 +164,15 @@ def parameters(
             value, why = float(scene_value(law, slot, x, ratio)), ""
             if x == 0.0:
                 why, high = "at its bound, zero", np.nan
-            elif slot in GEARS.values() and law.both_ways and not scale_is_known(found):
+            elif slot in GEARS.values() and law.both_ways and not scale_is_known(estimate):
                 # equal losses are an assumption: each efficiency is between the product and 1
-                low, high, why = _both_losses(found, known, j)[1], 1.0, _ONE_LOSS
+                low, high, why = _both_losses(estimate, known, j)[1], 1.0, _ONE_LOSS
             elif x <= reach:
                 why = "its interval contains zero"
             elif error > _VAGUE * x:
                 why = "its standard error exceeds half of it"
             error *= abs(float(scene_value(law, slot, x + 1e-6, ratio)) - value) / 1e-6
-            section, key, unit = scene_key(found.scene, j, law, slot)
+            section, key, unit = scene_key(estimate.scene, j, law, slot)
             result.append(
                 Parameter(section, name, key, unit, value, low, high, error, not why, why)
             )
@@ -183,14 +183,14 @@ def parameters(
                 key = f"{key}.static"
                 result.append(Parameter(section, name, key, unit, x, low, high, error, True))
         if law.load == "gear" and fitted[list(GEARS.values())].any():
-            value, low, high, error = _both_losses(found, known, j)
+            value, low, high, error = _both_losses(estimate, known, j)
             why = "" if high < 1.0 else "its interval contains 1"
             key = "efficiency_product"
             result.append(
                 Parameter("transmission", name, key, "", value, low, high, error, not why, why)
             )
         if fitted[list(RESTS_ON)].any():  # of the speed the logarithm has a standard error
-            stribeck, unit = found.stribeck[j], unit_at(SPEED, effort_unit(found.scene, j))
+            stribeck, unit = estimate.stribeck[j], unit_at(SPEED, effort_unit(estimate.scene, j))
             assert stribeck is not None  # its law has one
             v, (error, reach) = stribeck.velocity, known.of({j * K + STRIBECK_VELOCITY: 1.0})
             why = "its standard error exceeds half of it" if error > _VAGUE else ""
@@ -203,7 +203,7 @@ def parameters(
 
 
 def _both_losses(
-    found: Estimate, known: Uncertainty, joint: int
+    estimate: Estimate, known: Uncertainty, joint: int
 ) -> tuple[float, float, float, float]:
     """Return the product of a gear's two efficiencies, its 95 % interval, and standard error.
 
@@ -211,7 +211,7 @@ def _both_losses(
 
     The scale of free masses multiplies 1 + g+ and 1 - g- alike, so it is known without them.
     """
-    law, fitted = found.choice.laws[joint], found.fit.slots[joint]
+    law, fitted = estimate.choice.laws[joint], estimate.fit.slots[joint]
     driving, driven = (
         GEARS[law.side, "both" if law.both_ways else way] for way in ("driving", "driven")
     )
@@ -223,24 +223,24 @@ def _both_losses(
     return product, product - reach, min(product + reach, 1.0), error
 
 
-def identified_scene(found: Estimate, static: Mapping[tuple[int, int], BreakAway]) -> Scene:
+def identified_scene(estimate: Estimate, static: Mapping[tuple[int, int], BreakAway]) -> Scene:
     """Return the question's scene with what was found in it; other joints keep what it says.
 
     A joint sticks up to the velocity that these logs' noise gives a joint at rest.
 
     Args:
-        found: the estimate, with the links' inertias.
+        estimate: the estimate, with the links' inertias.
         static: see `parameters`.
     """
-    scene = found.scene
+    scene = estimate.scene
     friction: dict[str, Any] = dict(scene.friction)
-    given = {one.joint: one for one in scene.actuators or ()}
+    stated = {actuator.joint: actuator for actuator in scene.actuators or ()}
     actuators = []
     for j, name in enumerate(scene.joint_names):
-        drive = given.get(name) or Actuator(joint=name)
-        if j in found.known:
-            friction[name], losses = _entries(found, j, static)
-            if found.question.motor:  # an effort measured after the gear says nothing of it
+        drive = stated.get(name) or Actuator(joint=name)
+        if j in estimate.known:
+            friction[name], losses = _entries(estimate, j, static)
+            if estimate.question.motor:  # an effort measured after the gear says nothing of it
                 given_gear = drive.transmission  # all else of it is what the scene says
                 fields = set(Transmission.model_fields)  # of a kind of one's own only these
                 kept = (
@@ -259,19 +259,19 @@ def identified_scene(found: Estimate, static: Mapping[tuple[int, int], BreakAway
                 drive = drive.model_copy(update={"transmission": gear})
         actuators.append(drive)
     friction = {name: entry for name, entry in friction.items() if entry}
-    stick = stick_velocity(scene, found.question.recordings)
+    stick = stick_velocity(scene, estimate.question.recordings)
     return scene.with_(friction=friction, actuators=actuators, stick_velocity=stick)
 
 
 def _entries(
-    found: Estimate, joint: int, static: Mapping[tuple[int, int], BreakAway]
+    estimate: Estimate, joint: int, static: Mapping[tuple[int, int], BreakAway]
 ) -> tuple[dict[str, Any], dict[str, Any]]:
     """A joint's entry of `friction`, and the losses of its drive, as a scene file has them."""
-    scene, law, fitted = found.scene, found.choice.laws[joint], found.fit.slots[joint]
+    scene, law, fitted = estimate.scene, estimate.choice.laws[joint], estimate.fit.slots[joint]
     friction: dict[str, Any] = {}
     gear: dict[str, Any] = {}
     ratio = abs(scene.drives[joint].ratio)
-    excess = _rest_excess(found.rows[joint], law, fitted)
+    excess = _rest_excess(estimate.rows[joint], law, fitted)
     dry = law.coulomb and fitted[COULOMB].any()
     for slot in (INERTIA, *law.slots):
         section, key, _ = scene_key(scene, joint, law, slot)
@@ -279,24 +279,26 @@ def _entries(
         value = _rounded(scene_value(law, slot, float(fitted[slot]), ratio))
         if slot in COULOMB and dry:
             head, _, direction = key.partition(".")
-            rest = float(fitted[slot]) + excess
-            rest += float(fitted[STRIBECK_FORWARD if slot == FORWARD else STRIBECK_BACKWARD])
+            at_rest = float(fitted[slot]) + excess
+            at_rest += float(fitted[STRIBECK_FORWARD if slot == FORWARD else STRIBECK_BACKWARD])
             if (joint, slot) in static:
-                rest = max(rest if law.stribeck else float(fitted[slot]), static[joint, slot].mean)
-            rest = _rounded(scene_value(law, slot, rest, ratio))
-            target.setdefault(head, {})[direction] = {"static": rest, "kinetic": value}
+                at_rest = max(
+                    at_rest if law.stribeck else float(fitted[slot]), static[joint, slot].mean
+                )
+            at_rest = _rounded(scene_value(law, slot, at_rest, ratio))
+            target.setdefault(head, {})[direction] = {"static": at_rest, "kinetic": value}
         elif slot in SPEEDS and value:
             target[key] = {"coefficient": value, "exponent": law.exponent}
         elif slot == BEARING and (value or fitted[STRIBECK_LOAD]):
-            given = found.question.scene.friction.get(scene.joint_names[joint], NO_FRICTION)
-            share = given.mu.static / given.mu.kinetic if given.mu and given.mu.kinetic else 1.0
-            rest = (1.0 if law.stribeck_slots else share) * value + float(fitted[STRIBECK_LOAD])
-            target["bearing"] = given.bearing or Gear(kind="gear")
-            target["mu"] = {"static": _rounded(rest), "kinetic": value}
+            stated = estimate.question.scene.friction.get(scene.joint_names[joint], NO_FRICTION)
+            share = stated.mu.static / stated.mu.kinetic if stated.mu and stated.mu.kinetic else 1.0
+            at_rest = (1.0 if law.stribeck_slots else share) * value + float(fitted[STRIBECK_LOAD])
+            target["bearing"] = stated.bearing or Gear(kind="gear")
+            target["mu"] = {"static": _rounded(at_rest), "kinetic": value}
         elif value and slot not in RESTS_ON:
             target[key] = value
     if fitted[list(law.stribeck_slots)].any():
-        stribeck = found.stribeck[joint]
+        stribeck = estimate.stribeck[joint]
         assert stribeck is not None  # its law has one
         friction["stribeck"] = {
             "velocity": _rounded(stribeck.velocity),
@@ -305,7 +307,7 @@ def _entries(
     if law.load == "gear" and law.both_ways:
         gear["back_efficiency"] = "same_loss"
     # behind a gear whose losses grow with this friction, it is the joint's own
-    if found.question.motor and law.load != "gear" and {"coulomb", "viscous"} & friction.keys():
+    if estimate.question.motor and law.load != "gear" and {"coulomb", "viscous"} & friction.keys():
         friction["includes_drive"] = True
     return friction, gear
 

@@ -101,7 +101,7 @@ def stick_velocity(scene: Scene, recordings: Sequence[Recording]) -> float:
         scene: the robot.
         recordings: the logs.
     """
-    unclear = max(float(one.unclear.max()) for one in recordings)
+    unclear = max(float(recording.unclear.max()) for recording in recordings)
     return max(scene.stick_velocity, float(f"{min(unclear, STILL):.1e}"))
 
 
@@ -162,30 +162,39 @@ def read_recordings(
             raise IdentificationError(f"gain {name}={gain[name]:g}: should be finite, not zero")
     if not logs:
         raise IdentificationError("identification needs a log: a motion with measured efforts")
-    found = [_read(scene, log, gain, options) for log in logs]
-    found = [replace(one, name=_label(found, logs, number)) for number, one in enumerate(found)]
-    for one, other in combinations(found, 2):
-        if np.array_equal(one.trajectory.q, other.trajectory.q) and np.array_equal(
-            one.effort, other.effort, equal_nan=True
+    recordings = [_read(scene, log, gain, options) for log in logs]
+    recordings = [
+        replace(recording, name=_label(recordings, logs, number))
+        for number, recording in enumerate(recordings)
+    ]
+    for recording, other in combinations(recordings, 2):
+        if np.array_equal(recording.trajectory.q, other.trajectory.q) and np.array_equal(
+            recording.effort, other.effort, equal_nan=True
         ):
-            raise IdentificationError(f"{one.name} and {other.name} are the same log: give it once")
+            raise IdentificationError(
+                f"{recording.name} and {other.name} are the same log: give it once"
+            )
     carried = {
-        str(log): one.name for log, one in zip(logs, found, strict=True) if not isinstance(log, Log)
+        str(log): recording.name
+        for log, recording in zip(logs, recordings, strict=True)
+        if not isinstance(log, Log)
     }
     carries = {carried.get(label, label): payload for label, payload in payloads.items()}
-    labels = [one.name for one in found]
+    labels = [recording.name for recording in recordings]
     for label in carries:
         if label not in labels:
             raise IdentificationError(
                 f"payload: there is no log {label!r}; {choose_from(label, labels)}"
             )
-    return tuple(_carrying(scene, one, carries.get(one.name)) for one in found)
+    return tuple(
+        _carrying(scene, recording, carries.get(recording.name)) for recording in recordings
+    )
 
 
-def _label(found: Sequence[Recording], logs: Sequence[str | Path | Log], number: int) -> str:
+def _label(recordings: Sequence[Recording], logs: Sequence[str | Path | Log], number: int) -> str:
     """A log's name; where several have it, its path as it was given, or its number."""
-    name, log = found[number].name, logs[number]
-    if sum(one.name == name for one in found) == 1:
+    name, log = recordings[number].name, logs[number]
+    if sum(recording.name == name for recording in recordings) == 1:
         return name
     return f"{name} ({number + 1})" if isinstance(log, Log) else str(log)
 
@@ -223,20 +232,20 @@ def _read(
     noise = np.abs(rate_rows(scene.drives, noise.size)) @ noise
     # what is not used below would fill much of the memory
     trajectory = replace(trajectory, reading=replace(reading, effort={}, uncertain=None))
-    if (every := _THINNING.every(step)) > 1:
+    if (stride := _THINNING.every(step)) > 1:
         trajectory, effort = _thinned(trajectory, effort, step)
-    return Recording.of(scene, name, trajectory, every * step, effort, noise)
+    return Recording.of(scene, name, trajectory, stride * step, effort, noise)
 
 
 def _thinned(
     trajectory: Trajectory, effort: FloatArray, step: float
 ) -> tuple[Trajectory, FloatArray]:
     """Return fewer samples of a motion that was not filtered, as of one that was when read."""
-    every = _THINNING.every(step)
-    a = np.column_stack([_THINNING.acceleration(x, step)[::every] for x in trajectory.a.T])
-    fewer = np.column_stack([_THINNING.effort(x, step)[::every] for x in effort.T])
+    stride = _THINNING.every(step)
+    a = np.column_stack([_THINNING.acceleration(x, step)[::stride] for x in trajectory.a.T])
+    fewer = np.column_stack([_THINNING.effort(x, step)[::stride] for x in effort.T])
     thin: dict[str, Any] = {
-        name: np.ascontiguousarray(getattr(trajectory, name)[::every])
+        name: np.ascontiguousarray(getattr(trajectory, name)[::stride])
         for name in ("t", "q", "v", "attached")
     }
     return replace(trajectory, a=a, **thin), fewer

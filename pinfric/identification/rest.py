@@ -55,42 +55,45 @@ class RestBound:
     outside: int = quantity("holds in which the effort was mostly outside the interval")
 
 
-def rest_bounds(found: Estimate, scene: Scene) -> tuple[RestBound, ...]:
+def rest_bounds(estimate: Estimate, scene: Scene) -> tuple[RestBound, ...]:
     """Return for each joint what its holds show; they bound static friction from below only.
 
     Args:
-        found: the estimate.
+        estimate: the estimate.
         scene: the identified one, whose joints stick up to a velocity.
     """
     nj = scene.model.nv
     seconds, largest, share, inside, outside = np.zeros((5, nj))
-    noise = np.maximum(found.problem.weights, 1e-300) ** -0.5  # what the fit leaves
-    for one in found.prepared:
-        motion, held = one.recording.trajectory, _held(one.recording, scene.stick_velocity)
+    noise = np.maximum(estimate.problem.weights, 1e-300) ** -0.5  # what the fit leaves
+    for prepared in estimate.prepared:
+        motion, held = (
+            prepared.recording.trajectory,
+            _held(prepared.recording, scene.stick_velocity),
+        )
         if not held.any():
             continue
         parts = [
-            measured_interval(part, found.question.at)
-            for part in inverse_dynamics(scene, motion, chunks=PART)
+            measured_interval(chunk, estimate.question.at)
+            for chunk in inverse_dynamics(scene, motion, chunks=PART)
         ]
         lower, upper = (np.concatenate(ends) for ends in zip(*parts, strict=True))
         middle, half = 0.5 * (lower + upper), 0.5 * (upper - lower)
-        off = np.abs(one.effort(motion.t) + one.payload + one.missing - middle)
+        off = np.abs(prepared.effort(motion.t) + prepared.payload + prepared.missing - middle)
         for j in range(nj):
             at = held[:, j] & np.isfinite(off[:, j])
             if at.any():
-                seconds[j] += at.sum() * one.recording.step
+                seconds[j] += at.sum() * prepared.recording.step
                 within = off[:, j] <= half[:, j] + noise[j]
-                inside[j] += within[at].sum() * one.recording.step
+                inside[j] += within[at].sum() * prepared.recording.step
                 outside[j] += sum(within[a : b + 1].mean() < 0.5 for a, b in runs(at))
                 largest[j] = max(largest[j], float(off[at, j].max()))
                 wide = np.maximum(half[at, j], 1e-12)
                 share[j] = max(share[j], float((off[at, j] / wide).max()))
     inside = np.where(seconds > 0.0, inside / np.maximum(seconds, 1e-12), np.nan)
-    every = np.column_stack((seconds, largest, share, inside)).tolist()
+    columns = np.column_stack((seconds, largest, share, inside)).tolist()
     return tuple(
         RestBound(a, b, c, d, round(holds))
-        for (a, b, c, d), holds in zip(every, outside.tolist(), strict=True)
+        for (a, b, c, d), holds in zip(columns, outside.tolist(), strict=True)
     )
 
 
@@ -116,22 +119,22 @@ class BreakAway:
     standard_error: float
 
 
-def break_aways(found: Estimate) -> dict[tuple[int, int], BreakAway]:
+def break_aways(estimate: Estimate) -> dict[tuple[int, int], BreakAway]:
     """Return joint, FORWARD or BACKWARD -> static friction, where three departures or more show it.
 
     Joints whose bearing is in their law are left out: its load is in what holds them.
 
     Args:
-        found: the estimate.
+        estimate: the estimate.
     """
     from scipy.special import stdtrit
 
     result = {}
-    for j, law in enumerate(found.choice.laws):
+    for j, law in enumerate(estimate.choice.laws):
         peaks: dict[int, list[float]] = {FORWARD: [], BACKWARD: []}
-        for one in found.prepared:
+        for prepared in estimate.prepared:
             if law.load != "bearing":
-                for direction, peak in _peaks(found, one, j):
+                for direction, peak in _peaks(estimate, prepared, j):
                     peaks[direction].append(peak)
         for direction, values in peaks.items():
             if len(values) >= _FEWEST:
@@ -141,21 +144,21 @@ def break_aways(found: Estimate) -> dict[tuple[int, int], BreakAway]:
     return result
 
 
-def _peaks(found: Estimate, one: Prepared, joint: int) -> Iterator[tuple[int, float]]:
+def _peaks(estimate: Estimate, prepared: Prepared, joint: int) -> Iterator[tuple[int, float]]:
     """Direction and largest friction of each departure that was slow enough."""
-    recording, rigid = one.recording, one.load[:, joint]
+    recording, rigid = prepared.recording, prepared.load[:, joint]
     t, step, v = recording.trajectory.t, recording.step, recording.velocity[:, joint]
     effort = np.where(np.isfinite(recording.effort[:, joint]), recording.effort[:, joint], rigid)
     if step * PEAK_PASS < 0.45:
         effort = low_pass(effort, step, PEAK_PASS)
-    effort = np.interp(t + found.delay.value, t, effort) + one.missing[:, joint]
+    effort = np.interp(t + estimate.delay.value, t, effort) + prepared.missing[:, joint]
     before, near, after = (int(np.ceil(span / step)) for span in (_BEFORE, _NEAR, _AFTER))
     for first, last in runs(recording.rests[:, joint]):
         if (last - first) * step < _HELD or last + after >= t.size:
             continue
         sign = float(np.sign(v[last + 1 : last + after + 1].sum()))
         held = slice(first, last + 1)
-        friction = _friction(found, joint, sign, effort[held], rigid[held])
+        friction = _friction(estimate, joint, sign, effort[held], rigid[held])
         peak = float(friction[-before:].max())
         rises = peak - float(np.quantile(friction, 0.1)) > _RISE * peak
         # a jump at the last samples is cut where motion first shows, somewhere below what held
@@ -166,10 +169,10 @@ def _peaks(found: Estimate, one: Prepared, joint: int) -> Iterator[tuple[int, fl
 
 
 def _friction(
-    found: Estimate, joint: int, sign: float, effort: FloatArray, rigid: FloatArray
+    estimate: Estimate, joint: int, sign: float, effort: FloatArray, rigid: FloatArray
 ) -> FloatArray:
     """The friction sign (x - rigid) that holds, gears' losses taken out of the effort."""
-    law, slots = found.choice.laws[joint], found.fit.slots[joint]
+    law, slots = estimate.choice.laws[joint], estimate.fit.slots[joint]
     driving, driven, both = (
         float(slots[GEARS[law.side, direction]]) for direction in ("driving", "driven", "both")
     )

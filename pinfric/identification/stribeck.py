@@ -91,8 +91,8 @@ def find_stribeck(
         return None
     root = np.sqrt(weight)[:, None]
     basis = orthonormal(np.column_stack((rows.rigid, rows.slots[:, list(taken)])) * root)
-    rest = rows.effort * root[:, 0]
-    rest = rest - basis @ (basis.T @ rest)
+    residual = rows.effort * root[:, 0]
+    residual = residual - basis @ (basis.T @ residual)
 
     choices = [[_PARTS.index(slot) for slot in part] for part in parts]
 
@@ -102,7 +102,7 @@ def find_stribeck(
         own = own - basis @ (basis.T @ own)
         best = 0.0, np.zeros(len(_PARTS)), np.zeros(len(own))
         for at in choices:
-            x: FloatArray = np.linalg.lstsq(own[:, at], rest, rcond=1e-8)[0].astype(float)
+            x: FloatArray = np.linalg.lstsq(own[:, at], residual, rcond=1e-8)[0].astype(float)
             fit = own[:, at] @ x
             if x.min() > 0.0 and (gain := float(fit @ fit)) > best[0]:
                 values = np.zeros(len(_PARTS))
@@ -113,11 +113,11 @@ def find_stribeck(
     load = np.concatenate([one.bearing[one.kept[one.slides[:, joint]], joint] for one in prepared])
     low, high = np.log(np.quantile(speed, (0.01, 0.98)) * (1.0, 0.5))
     tried = np.linspace(low, high, _TRIED)
-    found: list[tuple[float, StribeckFit, FloatArray]] = []
+    fits: list[tuple[float, StribeckFit, FloatArray]] = []
     for n in _EXPONENTS:
         # first without the low pass, which changes little away from rest
         gains = [fitted(_ways(rows.velocity, load, float(np.exp(x)), n))[0] for x in tried]
-        if max(gains) < _LEAST_GAIN * float(rest @ rest):
+        if max(gains) < _LEAST_GAIN * float(residual @ residual):
             continue
         middle = tried[int(np.argmax(gains))]
         ends = max(middle - _AROUND, low - _AROUND), min(middle + _AROUND, high)
@@ -130,14 +130,14 @@ def find_stribeck(
         velocity = float(np.exp(searched.x))
         gain, values, fit = fitted(_passed(prepared, joint, velocity, n))
         if gain > 0.0:
-            found.append((gain, StribeckFit(velocity, n, *values.tolist()), fit))
-    if not found:
+            fits.append((gain, StribeckFit(velocity, n, *values.tolist()), fit))
+    if not fits:
         return None
-    gain, stribeck, best = max(found, key=lambda one: one[0])
+    gain, stribeck, best = max(fits, key=lambda one: one[0])
     admitted = []
-    for own, other, fit in found:
+    for own, other, fit in fits:
         apart = fit - best
-        scores = np.bincount(rows.block, apart * (rest - best))
+        scores = np.bincount(rows.block, apart * (residual - best))
         if (gain - own) * float(apart @ apart) <= _REJECTED**2 * float(scores @ scores):
             admitted.append(other)
     return replace(stribeck, others=tuple(one for one in admitted if one is not stribeck))
@@ -154,11 +154,11 @@ def beside_other(
         stribeck: of its friction.
         other: with another exponent.
     """
-    now, then = (
-        _passed(prepared, joint, one.velocity, one.exponent) @ one.excess
-        for one in (stribeck, other)
+    present, changed = (
+        _passed(prepared, joint, fit.velocity, fit.exponent) @ fit.excess
+        for fit in (stribeck, other)
     )
-    return np.asarray(then - now)
+    return np.asarray(changed - present)
 
 
 def with_stribeck(prepared: Prepared, fits: tuple[StribeckFit | None, ...]) -> Prepared:
@@ -184,8 +184,8 @@ def with_stribeck(prepared: Prepared, fits: tuple[StribeckFit | None, ...]) -> P
 
 def _ways(v: FloatArray, load: FloatArray, velocity: float, exponent: float) -> FloatArray:
     """Columns (n, 3) of what is left of the excess: forward, backward, of the load's."""
-    left = stribeck_decay(v, velocity, exponent)
-    return np.column_stack((left * (v > 0.0), -left * (v < 0.0), left * load * np.sign(v)))
+    decay = stribeck_decay(v, velocity, exponent)
+    return np.column_stack((decay * (v > 0.0), -decay * (v < 0.0), decay * load * np.sign(v)))
 
 
 def _passed(
@@ -194,11 +194,11 @@ def _passed(
     """Columns (n, 3) of a joint's rows in all logs."""
     return np.concatenate(
         [
-            _low_passed(one, _ways(v, one.bearing[:, joint], velocity, exponent))[
-                one.slides[:, joint]
+            _low_passed(log, _ways(v, log.bearing[:, joint], velocity, exponent))[
+                log.slides[:, joint]
             ]
-            for one in prepared
-            for v in [one.recording.velocity[:, joint]]
+            for log in prepared
+            for v in [log.recording.velocity[:, joint]]
         ]
     )
 

@@ -110,55 +110,57 @@ class IdentifySummary:
     )
 
 
-def identify_summary(found: Findings) -> IdentifySummary:
+def identify_summary(findings: Findings) -> IdentifySummary:
     """Return the summary of an identification."""
-    names = found.scene.joint_names
-    considered = dict(zip(names, found.estimate.choice.errors, strict=True))
-    units = dict(zip(names, (effort_unit(found.scene, j) for j in range(len(names))), strict=True))
+    names = findings.scene.joint_names
+    considered = dict(zip(names, findings.estimate.choice.errors, strict=True))
+    units = dict(
+        zip(names, (effort_unit(findings.scene, j) for j in range(len(names))), strict=True)
+    )
     return gathered(
         IdentifySummary,
-        found,
+        findings,
         logs=tuple(
             FittedLog(
-                one.name,
-                one.trajectory.t.size,
-                one.trajectory.duration,
-                one.reading.noise,
-                one.reading.cutoff,
-                one.reading.dropped,
+                recording.name,
+                recording.trajectory.t.size,
+                recording.trajectory.duration,
+                recording.reading.noise,
+                recording.reading.cutoff,
+                recording.reading.dropped,
             )
-            for one in found.recordings
+            for recording in findings.recordings
         ),
-        delay_standard_error=found.estimate.delay.standard_error,
+        delay_standard_error=findings.estimate.delay.standard_error,
         joints=tuple(
             JointFriction(
                 name=name,
                 unit=units[name],
-                law=str(found.laws[name]) if name in found.laws else None,
+                law=str(findings.laws[name]) if name in findings.laws else None,
                 error=error,
-                rest=found.rest[name],
-                spread_between_logs=found.spread[name],
+                rest=findings.rest[name],
+                spread_between_logs=findings.spread[name],
                 held_out={str(law): x for law, x in considered[name].items()},
             )
-            for name, error in found.errors.items()
+            for name, error in findings.errors.items()
         ),
-        inertias="kept" if found.keeps_inertias else "corrected",
+        inertias="kept" if findings.keeps_inertias else "corrected",
     )
 
 
-def predicted(found: IdentifySummary) -> list[Predicted]:
+def predicted(summary: IdentifySummary) -> list[Predicted]:
     """Return the errors of the logs that were only predicted, a row each."""
-    units = {joint.name: joint.unit for joint in found.joints}
+    units = {joint.name: joint.unit for joint in summary.joints}
     return [
         Predicted(log, name, units.get(name, ""), error)
-        for log, joints in found.unseen.items()
+        for log, joints in summary.unseen.items()
         for name, error in joints.items()
     ]
 
 
-def considered(found: Findings, joint: int) -> list[Considered]:
+def considered(findings: Findings, joint: int) -> list[Considered]:
     """Return the laws that were considered for a joint, the best first."""
-    errors, unit = found.estimate.choice.errors[joint], effort_unit(found.scene, joint)
+    errors, unit = findings.estimate.choice.errors[joint], effort_unit(findings.scene, joint)
     plain = errors.get(PLAIN, float("nan"))
     return [
         Considered(str(law), len(law.slots), unit, error, error / plain)
@@ -166,20 +168,20 @@ def considered(found: Findings, joint: int) -> list[Considered]:
     ]
 
 
-def log_noise(found: Findings) -> list[LogNoise]:
+def log_noise(findings: Findings) -> list[LogNoise]:
     """Return how each joint's positions were read, log by log."""
     return [
         LogNoise(log.name, 1.0 / log.step, joint, noise, log.reading.cutoff[joint])
-        for log in found.recordings
+        for log in findings.recordings
         for joint, noise in log.reading.noise.items()
     ]
 
 
-def more_known(found: Findings, most: int) -> list[MoreKnown]:
+def more_known(findings: Findings, most: int) -> list[MoreKnown]:
     """Return the effect of further recordings on the least known coefficients.
 
     Args:
-        found: of `identify`.
+        findings: of `identify`.
         most: so many coefficients at most.
     """
 
@@ -187,6 +189,11 @@ def more_known(found: Findings, most: int) -> list[MoreKnown]:
         return -parameter.standard_error / max(abs(parameter.value), 1e-300)
 
     keys = [
-        p.key for p in sorted(found.parameters, key=vagueness) if p.key in found.advice[0].factors
+        p.key
+        for p in sorted(findings.parameters, key=vagueness)
+        if p.key in findings.advice[0].factors
     ]
-    return [MoreKnown(k, {one.name: one.factors[k] for one in found.advice}) for k in keys[:most]]
+    return [
+        MoreKnown(k, {advice.name: advice.factors[k] for advice in findings.advice})
+        for k in keys[:most]
+    ]

@@ -119,7 +119,7 @@ class Uncertainty:
         return np.maximum(rows, 0.0)
 
 
-def uncertainty(found: Estimate, shapes: Sequence[Misfit] = ()) -> Uncertainty:
+def uncertainty(estimate: Estimate, shapes: Sequence[Misfit] = ()) -> Uncertainty:
     """Return the coefficients' covariance, within logs, by the URDF's errors, and between logs.
 
         (H + F)^-1 (sum over blocks of s s^T + P S P + G^T G) (H + F)^-T + sum over joints of b b^T
@@ -130,114 +130,116 @@ def uncertainty(found: Estimate, shapes: Sequence[Misfit] = ()) -> Uncertainty:
     model: what one joint lacks tells nothing of what another one does.
 
     Args:
-        found: the estimate.
+        estimate: the estimate.
         shapes: of its residuals.
     """
-    problem, fit = found.problem, found.fit
-    place = _uncertain(found)
+    problem, fit = estimate.problem, estimate.fit
+    place = _uncertain(estimate)
     moved, count = influence(
         problem.grams,
         problem.weights,
         problem.prior,
         fit,
         place,
-        _feedback(found, place),
-        gradients(found, shapes, place),
+        _feedback(estimate, place),
+        gradients(estimate, shapes, place),
     )
     moved = moved[:, moved.shape[1] - place.size :]
     within = moved.T @ moved
-    seen = [replace(one, columns=one.columns[:, : one.shown]) for one in shapes]
-    of_joints = [[one for one in seen if one.joint == j] for j in {one.joint for one in shapes}]
-    biases = [bias(found, own, place) for own in of_joints]
-    for off in (*biases, *_other_exponents(found, place), *_other_loads(found, place)):
+    seen = [replace(shape, columns=shape.columns[:, : shape.shown]) for shape in shapes]
+    of_joints = [
+        [shape for shape in seen if shape.joint == j] for j in {shape.joint for shape in shapes}
+    ]
+    biases = [bias(estimate, own, place) for own in of_joints]
+    for off in (*biases, *_other_exponents(estimate, place), *_other_loads(estimate, place)):
         within += np.outer(off, off)
-    between, logs = for_a_further_log(found, place)
-    known = Uncertainty(place, within, between, count - 1, logs, between_logs(found))
+    between, logs = for_a_further_log(estimate, place)
+    known = Uncertainty(place, within, between, count - 1, logs, between_logs(estimate))
     clear = {}
-    for j, half in uneven(found).items():  # if an offset explains it
+    for j, half in uneven(estimate).items():  # if an offset explains it
         _, reach = known.of({j * K + FORWARD: 0.5, j * K + BACKWARD: -0.5})
-        if abs(half) > 0.5 * UNEVEN * found.fit.slots[j, COULOMB].sum() + _CLEARLY * reach:
+        if abs(half) > 0.5 * UNEVEN * estimate.fit.slots[j, COULOMB].sum() + _CLEARLY * reach:
             clear[j] = half
         off = half * ((place == j * K + FORWARD) * 1.0 - (place == j * K + BACKWARD))
         within = within + np.outer(off, off)
     return replace(known, within=within, uneven=clear)
 
 
-def gradients(found: Estimate, shapes: Sequence[Misfit], place: IntArray) -> FloatArray:
+def gradients(estimate: Estimate, shapes: Sequence[Misfit], place: IntArray) -> FloatArray:
     """Return (m, p + n) the gradients by the estimate of shapes of one standard deviation each.
 
         A^T W Z,    Z: the columns of all shapes
 
     Args:
-        found: the estimate.
+        estimate: the estimate.
         shapes: of its residuals.
         place: (n,) of the coefficients above zero among (nj K,).
     """
-    p = found.fit.theta.size
-    result = np.zeros((sum(one.columns.shape[1] for one in shapes), p + place.size))
+    p = estimate.fit.theta.size
+    result = np.zeros((sum(shape.columns.shape[1] for shape in shapes), p + place.size))
     first = 0
-    for one in shapes:
-        to, columns = of_joint(place, one.joint, p)
-        rows, last = found.rows[one.joint], first + one.columns.shape[1]
-        weighed = one.columns * _row_weights(found, one.joint)
+    for shape in shapes:
+        to, columns = of_joint(place, shape.joint, p)
+        rows, last = estimate.rows[shape.joint], first + shape.columns.shape[1]
+        weighed = shape.columns * _row_weights(estimate, shape.joint)
         result[first:last, to] = weighed.T @ rows.columns[:, columns]
         first = last
     return result
 
 
-def bias(found: Estimate, shapes: Sequence[Misfit], place: IntArray) -> FloatArray:
+def bias(estimate: Estimate, shapes: Sequence[Misfit], place: IntArray) -> FloatArray:
     """Return (n,) changes of the coefficients when one joint's shapes join the model.
 
         [H  G^T    ] [dz]   [0      ]
         [G  Z^T W Z] [b ] = [Z^T W r],    G: `gradients`, r: residuals
 
     Args:
-        found: the estimate.
+        estimate: the estimate.
         shapes: of one joint's residual.
         place: (n,) of the coefficients above zero among (nj K,).
     """
-    problem, p = found.problem, found.fit.theta.size
-    left, beside = _left(found, place), gradients(found, shapes, place)
-    joint, columns = shapes[0].joint, np.hstack([one.columns for one in shapes])
-    weighed = columns * _row_weights(found, joint)
-    left = np.block([[left, beside.T], [beside, columns.T @ weighed]])
-    off = weighed.T @ residuals(found.rows[joint], found.fit, joint)
+    problem, p = estimate.problem, estimate.fit.theta.size
+    hessian, beside = _left(estimate, place), gradients(estimate, shapes, place)
+    joint, columns = shapes[0].joint, np.hstack([shape.columns for shape in shapes])
+    weighed = columns * _row_weights(estimate, joint)
+    hessian = np.block([[hessian, beside.T], [beside, columns.T @ weighed]])
+    off = weighed.T @ residuals(estimate.rows[joint], estimate.fit, joint)
     right = np.append(np.zeros(p + place.size), off)
     if problem.prior.kept:
-        left, right, p = left[p:, p:], right[p:], 0
-    return _solved(left, right)[p : p + place.size]
+        hessian, right, p = hessian[p:, p:], right[p:], 0
+    return _solved(hessian, right)[p : p + place.size]
 
 
-def _left(found: Estimate, place: IntArray) -> FloatArray:
+def _left(estimate: Estimate, place: IntArray) -> FloatArray:
     """(p + n, p + n) the left side of the estimate's normal equations."""
-    problem, p = found.problem, found.fit.theta.size
-    every = problem.normal()
-    cross = every.cross[:, place]
-    left = np.block([[every.rigid, cross], [cross.T, every.slots[np.ix_(place, place)]]])
+    problem, p = estimate.problem, estimate.fit.theta.size
+    normal = problem.normal()
+    cross = normal.cross[:, place]
+    hessian = np.block([[normal.rigid, cross], [cross.T, normal.slots[np.ix_(place, place)]]])
     if not problem.prior.kept:
-        left[:p, :p] += np.diag(every.rows * problem.prior.weight)
-    return left
+        hessian[:p, :p] += np.diag(normal.rows * problem.prior.weight)
+    return hessian
 
 
-def _solved(left: FloatArray, right: FloatArray) -> FloatArray:
-    size = np.sqrt(np.maximum(np.diag(left), 1e-300))
-    scaled = left / np.outer(size, size) + _RIDGE * np.eye(size.size)
+def _solved(matrix: FloatArray, right: FloatArray) -> FloatArray:
+    size = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
+    scaled = matrix / np.outer(size, size) + _RIDGE * np.eye(size.size)
     return np.asarray(np.linalg.solve(scaled, right / size) / size)
 
 
-def _other_exponents(found: Estimate, place: IntArray) -> Iterator[FloatArray]:
+def _other_exponents(estimate: Estimate, place: IntArray) -> Iterator[FloatArray]:
     """Yield (n,) the changes of the coefficients with each other exponent that is admitted.
 
     Where that one is right they are the error, so its square adds to the variance.
     """
-    p = found.fit.theta.size
-    every = [
+    p = estimate.fit.theta.size
+    alternatives = [
         (j, stribeck, other)
-        for j, stribeck in enumerate(found.stribeck)
-        if stribeck is not None and found.choice.laws[j].stribeck_slots
+        for j, stribeck in enumerate(estimate.stribeck)
+        if stribeck is not None and estimate.choice.laws[j].stribeck_slots
         for other in stribeck.others
     ]
-    for j, stribeck, other in every:
+    for j, stribeck, other in alternatives:
         direct = {
             STRIBECK_FORWARD: other.forward - stribeck.forward,
             STRIBECK_BACKWARD: other.backward - stribeck.backward,
@@ -245,23 +247,25 @@ def _other_exponents(found: Estimate, place: IntArray) -> Iterator[FloatArray]:
             STRIBECK_VELOCITY: float(np.log(other.velocity / stribeck.velocity)),
         }
         own = [j * K + slot for slot in direct]
-        rest, off = place[~np.isin(place, own)], np.zeros(place.size)
-        to, columns = of_joint(rest, j, p)
-        rows, right = found.rows[j], np.zeros(p + rest.size)
-        more = beside_other(found.prepared, j, stribeck, other)[:, None] * _row_weights(found, j)
+        others, off = place[~np.isin(place, own)], np.zeros(place.size)
+        to, columns = of_joint(others, j, p)
+        rows, right = estimate.rows[j], np.zeros(p + others.size)
+        more = beside_other(estimate.prepared, j, stribeck, other)[:, None] * _row_weights(
+            estimate, j
+        )
         right[to] = -(rows.columns[:, columns].T @ more)[:, 0]
-        left = _left(found, rest)
-        if found.problem.prior.kept:
-            left, right = left[p:, p:], right[p:]
-        off[~np.isin(place, own)] = _solved(left, right)[right.size - rest.size :]
+        hessian = _left(estimate, others)
+        if estimate.problem.prior.kept:
+            hessian, right = hessian[p:, p:], right[p:]
+        off[~np.isin(place, own)] = _solved(hessian, right)[right.size - others.size :]
         for at, change in zip(own, direct.values(), strict=True):
             off[place == at] = change
         yield off
 
 
-def _other_loads(found: Estimate, place: IntArray) -> Iterator[FloatArray]:
+def _other_loads(estimate: Estimate, place: IntArray) -> Iterator[FloatArray]:
     """Yield (n,) the changes of the coefficients with each other load that is not ruled out."""
-    problem, laws = found.problem, list(found.choice.laws)
+    problem, laws = estimate.problem, list(estimate.choice.laws)
     equations = FrictionNormalEquations(problem.normal(), problem.prior)
 
     def fitted(joint: int, law: Law) -> FloatArray:
@@ -272,84 +276,86 @@ def _other_loads(found: Estimate, place: IntArray) -> Iterator[FloatArray]:
             own[losses] = np.mean([own[GEARS[law.side, way]] for way in ways])
         return np.asarray(slots.ravel()[place])
 
-    for j in found.known:
-        for law in found.choice.rivals[j]:
+    for j in estimate.known:
+        for law in estimate.choice.rivals[j]:
             yield fitted(j, law) - fitted(j, laws[j])
 
 
-def _row_weights(found: Estimate, joint: int) -> FloatArray:
+def _row_weights(estimate: Estimate, joint: int) -> FloatArray:
     """(rows, 1) the weight of each row of a joint."""
-    return (found.problem.weights[joint] * found.row_weights[joint])[:, None]
+    return (estimate.problem.weights[joint] * estimate.row_weights[joint])[:, None]
 
 
-def for_a_further_log(found: Estimate, place: IntArray) -> tuple[FloatArray, int]:
+def for_a_further_log(estimate: Estimate, place: IntArray) -> tuple[FloatArray, int]:
     """Return (n, n) the covariance of a further log's coefficients about those of these logs.
 
         s^2 (1 + 1/L) x x^T    of each joint, s^2: variance of its factor between L logs
 
     Args:
-        found: the estimate.
+        estimate: the estimate.
         place: (n,) of the coefficients among (nj K,).
 
     Returns:
         The covariance, and L, the fewest logs that a factor is known from: L - 1 is its freedom.
     """
-    every = [_log_factors(found, j)[0] for j in range(len(found.rows))]
-    values = found.fit.slots.ravel()[place] * (place % K != INERTIA)
+    factors_of = [_log_factors(estimate, j)[0] for j in range(len(estimate.rows))]
+    values = estimate.fit.slots.ravel()[place] * (place % K != INERTIA)
     between = np.zeros((place.size, place.size))
-    for j, factors in enumerate(every):
+    for j, factors in enumerate(factors_of):
         if len(factors) >= _FEWEST_LOGS:
             own = values * (place // K == j)
             share = np.var(factors, ddof=1) * (1.0 + 1.0 / len(factors))
             between += share * np.outer(own, own)
-    counts = [len(factors) for factors in every if len(factors) >= _FEWEST_LOGS]
+    counts = [len(factors) for factors in factors_of if len(factors) >= _FEWEST_LOGS]
     return between, min(counts, default=1)
 
 
-def _uncertain(found: Estimate) -> IntArray:
+def _uncertain(estimate: Estimate) -> IntArray:
     """Places among (nj K,) of coefficients above zero and of the speeds of Stribeck friction."""
-    place = above_zero(found.fit, found.problem.slots(found.choice.laws))
+    place = above_zero(estimate.fit, estimate.problem.slots(estimate.choice.laws))
     velocities = [
-        j * K + STRIBECK_VELOCITY for j in found.known if found.fit.slots[j, list(RESTS_ON)].any()
+        j * K + STRIBECK_VELOCITY
+        for j in estimate.known
+        if estimate.fit.slots[j, list(RESTS_ON)].any()
     ]
     return np.sort(np.append(place, np.array(velocities, dtype=np.int64)))
 
 
-def _feedback(found: Estimate, place: IntArray) -> FloatArray:
+def _feedback(estimate: Estimate, place: IntArray) -> FloatArray:
     """What loads' columns add to H, (p + n, p + n), since they follow from the estimate.
 
     F = A^T W x dA/d(theta, coefficients), x: what multiplies the column
     """
-    p = found.fit.theta.size
+    p = estimate.fit.theta.size
     result = np.zeros((p + place.size, p + place.size))
     for whole in place.tolist():
         j, slot = divmod(whole, K)
-        slopes = _load_slopes(found, j, slot)
+        slopes = _load_slopes(estimate, j, slot)
         if slopes is None:
             continue
         to, columns = of_joint(place, j, p)
-        weight, rows = _row_weights(found, j) * found.fit.slots[j, slot], found.rows[j]
-        every = rows.columns[:, columns] * weight
-        result[np.ix_(to, to)] += every.T @ slopes[:, columns]
+        weight, rows = _row_weights(estimate, j) * estimate.fit.slots[j, slot], estimate.rows[j]
+        weighted = rows.columns[:, columns] * weight
+        result[np.ix_(to, to)] += weighted.T @ slopes[:, columns]
     return result
 
 
-def _load_slopes(found: Estimate, joint: int, slot: int) -> FloatArray | None:
+def _load_slopes(estimate: Estimate, joint: int, slot: int) -> FloatArray | None:
     """Derivatives (rows, p + K) of a load's column by theta and slots; None: it has no load."""
-    rows = found.rows[joint]
+    rows = estimate.rows[joint]
     none = np.zeros_like(rows.slots)
-    if found.question.no_gravity:  # then loads are the URDF's
+    if estimate.question.no_gravity:  # then loads are the URDF's
         return None
     if slot == STRIBECK_LOAD:
-        stribeck, whole = found.stribeck[joint], _load_slopes(found, joint, BEARING)
+        stribeck, whole = estimate.stribeck[joint], _load_slopes(estimate, joint, BEARING)
         assert stribeck is not None  # its law has one
         assert whole is not None  # loads are found here
         return whole * stribeck_decay(rows.velocity, stribeck.velocity, stribeck.exponent)[:, None]
     if slot == BEARING:
-        entry = found.scene.friction.get(found.scene.joint_names[joint])
+        entry = estimate.scene.friction.get(estimate.scene.joint_names[joint])
         if entry is None or entry.bearing is None:  # the load is that of the gear
             return np.hstack((rows.rigid * np.sign(rows.velocity * rows.load)[:, None], none))
-        slopes = [_bearing_slopes(found, one, joint) for one in found.prepared]
+        slopes = [_bearing_slopes(estimate, log, joint) for log in estimate.prepared]
         return np.hstack((np.concatenate(slopes), none))
     if slot not in GEARS.values():
         return None
@@ -362,14 +368,14 @@ def _load_slopes(found: Estimate, joint: int, slot: int) -> FloatArray | None:
     return np.hstack((rows.rigid, rows.slots * inner)) * direction[:, None]
 
 
-def _bearing_slopes(found: Estimate, one: Prepared, joint: int) -> FloatArray:
+def _bearing_slopes(estimate: Estimate, prepared: Prepared, joint: int) -> FloatArray:
     """Derivatives (rows, p) of a bearing's column in one log by the links that it carries."""
-    scene, motion = found.scene, one.recording.trajectory
-    at = one.kept[one.slides[:, joint]]
+    scene, motion = estimate.scene, prepared.recording.trajectory
+    at = prepared.kept[prepared.slides[:, joint]]
     if not at.size:  # it stands still in this log
-        return np.zeros((0, found.fit.theta.size))
+        return np.zeros((0, estimate.fit.theta.size))
     q, v, a = (np.ascontiguousarray(x[at]) for x in (motion.q, motion.v, motion.a))
-    probe, theta = bearings_only(scene), found.fit.theta
+    probe, theta = bearings_only(scene), estimate.fit.theta
 
     def load(theta: FloatArray) -> FloatArray:
         changed = probe.with_(model=with_parameters(scene.model, theta))
@@ -378,39 +384,39 @@ def _bearing_slopes(found: Estimate, one: Prepared, joint: int) -> FloatArray:
 
     slopes, here = np.zeros((at.size, theta.size)), load(theta)
     carried = np.isin(np.arange(theta.size) // 10 + 1, scene.model.subtrees[joint + 1])
-    for k in np.flatnonzero(carried & (found.problem.prior.deviation > 0.0)):
-        step = _STEP * found.problem.prior.deviation[k]
+    for k in np.flatnonzero(carried & (estimate.problem.prior.deviation > 0.0)):
+        step = _STEP * estimate.problem.prior.deviation[k]
         slopes[:, k] = (load(theta + step * (np.arange(theta.size) == k)) - here) / step
     return slopes * np.sign(v[:, [joint]])
 
 
-def between_logs(found: Estimate) -> FloatArray:
+def between_logs(estimate: Estimate) -> FloatArray:
     """Return (nj,) how much a joint's friction differs from log to log, as a standard deviation.
 
     It is the scatter of each log's factor on the fitted friction, less that of blocks in a log.
 
     Args:
-        found: the estimate.
+        estimate: the estimate.
     """
     result = []
-    for j in range(len(found.rows)):
-        factors, noise = _log_factors(found, j)
+    for j in range(len(estimate.rows)):
+        factors, noise = _log_factors(estimate, j)
         enough = len(factors) >= _FEWEST_LOGS
         variance = np.var(factors, ddof=1) - np.mean(noise) if enough else np.nan
         result.append(float(np.sqrt(max(variance, 0.0))) if enough else np.nan)
     return np.array(result)
 
 
-def _log_factors(found: Estimate, joint: int) -> tuple[list[float], list[float]]:
+def _log_factors(estimate: Estimate, joint: int) -> tuple[list[float], list[float]]:
     """Each log's factor on the fitted friction, and its variance by the log's blocks."""
-    rows, factors, noise = found.rows[joint], [], []
-    values = np.where(np.arange(K) == INERTIA, 0.0, found.fit.slots[joint])
-    friction, off = rows.slots @ values, residuals(rows, found.fit, joint)
-    for log in range(len(found.prepared)):
+    rows, factors, noise = estimate.rows[joint], [], []
+    values = np.where(np.arange(K) == INERTIA, 0.0, estimate.fit.slots[joint])
+    friction, off = rows.slots @ values, residuals(rows, estimate.fit, joint)
+    for log in range(len(estimate.prepared)):
         own = [
-            _factor(friction[part], off[part])
+            _factor(friction[in_block], off[in_block])
             for b in np.unique(rows.block)
-            if (part := (rows.block == b) & (rows.log == log)).any()
+            if (in_block := (rows.block == b) & (rows.log == log)).any()
         ]
         if len(own) > 1:
             factors.append(_factor(friction[rows.log == log], off[rows.log == log]))
