@@ -2,10 +2,8 @@
 
 Takes: functions with the decorator `kernel`.
 
-Steps: `compiled` compiles and caches them by their sources; `interpreted` runs them without
-compiling; `arrays` makes the buffers that they write.
-
-Gives: the same function, fast.
+Steps: `compiled` compiles and caches them by their sources; `interpreted` runs them as Python;
+`arrays` makes the buffers that they write.
 """
 
 #: Whether it is said that they compile, and whether one is being compiled now.

@@ -1,4 +1,4 @@
-"""Records of arrays that are described once: a field's default is its shape."""
+"""NamedTuples of arrays; the default of each field states the array's shape."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ import numpy as np
 
 
 def array(shape: str, kind: type = float, fill: float | None = 0.0) -> Any:
-    """Return the default of a field: sizes by name or number, type, first value or None: any."""
+    """Return the default of a field: sizes by name or number, type, first value (None: any)."""
     return shape.split(), kind, fill
 
 
 def make(fields: Any, **sizes: int) -> Any:
-    """Return a NamedTuple of arrays, of which `array` describes every field."""
+    """Return a NamedTuple of arrays as its fields' defaults (`array`) describe them."""
     made = {}
     for name, (shape, kind, fill) in fields._field_defaults.items():
         made[name] = np.empty([sizes[n] if n in sizes else int(n) for n in shape], kind)
@@ -24,7 +24,7 @@ def make(fields: Any, **sizes: int) -> Any:
 
 
 def rows_of(arrays: Sequence[np.ndarray]) -> np.ndarray | None:
-    """Return a view whose rows are these arrays of one library's memory; None: there is none."""
+    """Return a view whose rows are these arrays if they are equally spaced in memory, else None."""
     places = np.diff([x.__array_interface__["data"][0] for x in arrays])
     if not (places == places[:1]).all() or not (places > 0).all():
         return None

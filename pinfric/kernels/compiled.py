@@ -55,7 +55,7 @@ _INNER = {
 
 
 def check_numba(version: str) -> None:
-    """Warn at import about a version of numba that was not tested; refuse one that cannot work.
+    """Warn of a version of numba that was not tested; refuse one that cannot work.
 
     Raises:
         PinfricError: a part of numba that this module uses is missing.
@@ -87,26 +87,26 @@ def kernel(function: Callable[..., Any]) -> Callable[..., Any]:
     For small problems it is interpreted until compiling saves time (`interpreted`). `fastmath` is
     never used: it makes `isnan` false and reorders sums, and a norm at zero load must stay 0.
 
-    Call it from Python or from kernels: numba's own cache would keep another caller without the
-    large kernels that it needs, and end the process that reads it.
+    Call it from Python or from kernels only: numba's own cache would keep another caller without
+    the large kernels that it needs, and crash the process that loads it.
     """
     return _compiled(function, {"nogil": True, "error_model": "numpy"}, waits=True)
 
 
 def call_compiled(made: Any, *arguments: Any) -> Any:
-    """Call a kernel compiled even for a small problem, because the call may take long."""
+    """Call a kernel compiled even for a small problem: the call may take long."""
     with compiling():
         return made(*arguments)
 
 
 def compile_for(made: Any, *arguments: Any) -> None:
-    """Compile a kernel for arguments like these, without a call."""
+    """Compile a kernel for arguments like these, without calling it."""
     made.compile(tuple(typeof(argument) for argument in arguments))
 
 
 @contextmanager
 def compiling() -> Iterator[None]:
-    """Compile kernels at their first call while this is active, also for small problems."""
+    """Within, compile kernels at their first call, also for small problems."""
     CLOCK.hurried += 1
     try:
         yield
@@ -115,21 +115,21 @@ def compiling() -> Iterator[None]:
 
 
 def inlined_kernel(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Compile a small kernel like `kernel`, with its body inlined into the kernels that call it.
+    """Compile a small kernel like `kernel`, inlined into its callers.
 
-    A call with a tuple of arrays costs more than what it computes.
+    A call with a tuple of arrays costs more than what such a kernel computes.
     """
     options = {"nogil": True, "error_model": "numpy", "inline": "always"}
     return _compiled(function, options, waits=True)
 
 
 def inlined(made: Any) -> Callable[..., Any]:
-    """Return a kernel's function as an `inlined_kernel`, for the callers that have no time."""
+    """Return a kernel as an `inlined_kernel`, for callers in a hurry."""
     return inlined_kernel(made.py_func)
 
 
 def parallel_kernel(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Compile a kernel as `kernel` does, its `prange` loops for several threads."""
+    """Compile a kernel like `kernel`, with its `prange` loops on several threads."""
     options = {"nogil": True, "error_model": "numpy", "parallel": True}
     return _compiled(function, options, waits=False)
 
@@ -150,7 +150,7 @@ def _compiled(
     call_template = made.get_call_template  # type: ignore[attr-defined]
 
     def template_of_types(args: Any, kws: Any) -> Any:
-        """The callee of another kernel, compiled by types; numba would compile each constant."""
+        """Compile callees by types; numba would compile one for each constant."""
         named = {name: unliteral(one) for name, one in kws.items()}
         return call_template([unliteral(one) for one in args], named)
 
@@ -159,7 +159,6 @@ def _compiled(
         compiled_for = made._compile_for_args  # type: ignore[attr-defined]
 
         def first_call(*arguments: Any) -> Any:
-            """The function to call if nothing is compiled for these types of arguments."""
             if is_small(arguments) and not is_ready(made, arguments):
                 return interpreted(made, compiled_for)
             return compiled_for(*arguments)
@@ -169,7 +168,7 @@ def _compiled(
 
 
 def _as_kept(compile_core: Callable[..., Any], index: str) -> Callable[..., Any]:
-    """Compile a kernel without collecting garbage, under one symbol in every process: `_Place`."""
+    """Compile without garbage collection, under one symbol in every process (`_Place`)."""
     number = int.from_bytes(_digest(index.encode()))
 
     def run(*arguments: Any) -> Any:  # numba holds its lock
@@ -187,7 +186,7 @@ def _as_kept(compile_core: Callable[..., Any], index: str) -> Callable[..., Any]
 
 
 def is_ready(made: Any, arguments: tuple[Any, ...]) -> bool:
-    """Whether to call a kernel compiled: it is compiled or cached, or the patience is used up."""
+    """Whether to call a kernel compiled: it is compiled or cached, or interpreting took too long."""
     if CLOCK.is_over():
         return True
     if made.overloads or made not in _MISSING:
@@ -209,7 +208,7 @@ PROGRESS = CompileProgress()
 
 
 class _NoCache(NullCache):
-    """A cache that keeps nothing, if no folder is writable."""
+    """The cache where no folder is writable: it keeps nothing."""
 
     def kept(self, sig: Any, target_context: Any) -> None:
         """Find nothing."""
@@ -226,14 +225,14 @@ class _NoCache(NullCache):
         )
 
     def save_overload(self, sig: Any, data: Any) -> None:
-        """Note that it is compiled."""
+        """Report that it is compiled."""
         PROGRESS.end(self._function, compiled=True)
 
 
 def record(fields: type) -> Any:
     """Return a function that makes a kernel's argument from a NamedTuple of the given class.
 
-    To pass a tuple from Python costs 0.1 us for each array in it, a record 0.5 us in all. A kernel
+    Passing a tuple from Python costs 0.1 us for each array in it, a record 0.5 us in all. A kernel
     reads both in the same way, so an interpreted kernel takes the NamedTuple itself.
     """
     module, name = sys.modules[fields.__module__], fields.__name__
@@ -271,11 +270,11 @@ _BOXES: dict[type, Any] = {}
 
 
 def boxed(values: Fields, kept: Sequence[KernelArgument[Any]] = ()) -> Fields:
-    """Return the record of a NamedTuple; its fields are records, too, if their classes have one.
+    """Return the record of a NamedTuple, with records for those of its fields that have one.
 
     Args:
         values: the NamedTuple.
-        kept: fields of it whose records are there.
+        kept: its fields that have a record already.
     """
     known = {id(one.given): one for one in kept}
     parts = [
@@ -292,7 +291,7 @@ def boxed(values: Fields, kept: Sequence[KernelArgument[Any]] = ()) -> Fields:
 class KernelArgument(Generic[Fields]):
     """A permanent argument: a NamedTuple while kernels are interpreted, then its record.
 
-    The record is made at once if the function that makes it is compiled already, or cached.
+    The record is made at once if the function that makes it is compiled or cached.
 
     Args:
         given: the NamedTuple, an attribute.
@@ -306,14 +305,14 @@ class KernelArgument(Generic[Fields]):
             self.record()
 
     def record(self) -> Fields:
-        """Return the record, made at first."""
+        """Return the record, made at the first call."""
         if self._boxed is None:
             self._boxed = boxed(self.given, self._kept)
         return self._boxed
 
     @property
     def now(self) -> Fields:
-        """The argument for a kernel now."""
+        """The argument for a kernel that is called now."""
         if self._boxed is not None:
             return self._boxed
         return self.record() if CLOCK.is_over() else self.given
@@ -338,7 +337,7 @@ _Named: Any = _Numba._locator_classes[0]
 
 
 class _NamedFolder(_Named):
-    """The folder `pinfric` in NUMBA_CACHE_DIR, for clones at all paths; numba has one for each."""
+    """The folder `pinfric` in NUMBA_CACHE_DIR, shared by all clones; numba's is one per path."""
 
     def __init__(self, function: Callable[..., Any], file: str) -> None:
         super().__init__(function, file)
@@ -355,13 +354,13 @@ _CALLED: dict[str, tuple[str, tuple[Any, ...]]] = {}
 
 
 class _Place(_Numba):
-    """What a file holds: a kernel, and which others must be loaded before it, as it calls them."""
+    """What a file holds: a kernel, and the kernels that it calls, which must be loaded first."""
 
     _locator_classes = (_NamedFolder, *_Numba._locator_classes[1:])
     index = ""
 
     def reduce(self, compiled: Any) -> Any:
-        """Return what is pickled; from now on a large kernel is called, not copied."""
+        """Return what is pickled; from now on callers call a large kernel, without a copy of it."""
         symbols = [f.name for f in compiled.library._final_module.functions if f.is_declaration]
         called = [(name, *_CALLED[name]) for name in symbols if name in _CALLED]
         content = called, super().reduce(compiled)
@@ -369,7 +368,7 @@ class _Place(_Numba):
         return content
 
     def rebuild(self, target_context: Any, content: Any) -> Any:
-        """Return the kernel; None if one that it calls is not in the cache as it was then."""
+        """Return the kernel; None if one that it calls has changed or is missing in the cache."""
         called, kernel_itself = content
         for symbol, index, types_ in called:
             if not _is_loaded(symbol, index, types_, target_context):
@@ -387,7 +386,7 @@ class _Place(_Numba):
 
 
 def _is_loaded(symbol: str, index: str, types_: tuple[Any, ...], target_context: Any) -> bool:
-    """Whether a kernel is there under this symbol; LLVM ends the process if it calls another."""
+    """Load a kernel; return whether it has this symbol, or LLVM would end the process."""
     made = _KERNELS.get(index)
     if made is None:
         return False
@@ -403,9 +402,9 @@ def _is_loaded(symbol: str, index: str, types_: tuple[Any, ...], target_context:
 class _CheckedCache(FunctionCache):
     """Numba's cache with digests of its files: a damaged kernel is compiled again, never run.
 
-    Numba unpickles any file: a truncated one ends in an EOFError, and machine code with a flipped
-    bit is executed. Numba also notices only edits of a kernel's own file; here edits of the kernels
-    that it calls, and of the constants in their modules, count as well.
+    Numba unpickles any file: a truncated one raises EOFError, and machine code with a flipped bit
+    is executed. Numba notices only edits of a kernel's own file; here edits of the kernels that it
+    calls, and of the constants in their modules, count as well.
     """
 
     _impl_class = _Place
@@ -426,7 +425,7 @@ class _CheckedCache(FunctionCache):
         return found
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """Return the cached kernel; if that is None, numba compiles next."""
+        """Return the cached kernel; if None, numba compiles next."""
         found = self.kept(sig, target_context)
         if found is None:
             PROGRESS.begin(self._function, "they are kept for later runs")
@@ -440,7 +439,7 @@ class _CheckedCache(FunctionCache):
 
 
 def _source_stamp(function: Callable[..., Any]) -> tuple[Any, ...]:
-    """The sources of a kernel's machine code: its file, those of its callees, their constants."""
+    """Files and constants of a kernel and its callees, on which the machine code depends."""
     here = function.__globals__
     reached = {here["__name__"]: here}
     for names in (queue := [here]):  # grows while it is walked
@@ -465,14 +464,13 @@ def _source_stamp(function: Callable[..., Any]) -> tuple[Any, ...]:
 
 @cache
 def _content(file: str, changed_at: int) -> bytes:
-    """The digest of a source file, so that kernels of a clone or a kept cache are found."""
     return _digest(Path(file).read_bytes())
 
 
 class _CheckedFile(IndexDataCacheFile):
-    """An index and the files it names, each with a digest behind its pickle.
+    """An index and its files, each with a digest behind its pickle.
 
-    Their names have the digest of the sources, so that clones with different ones share a folder.
+    Their names contain the digest of the sources, so clones with different ones share a folder.
     """
 
     def __init__(self, folder: str, name: str, stamp: tuple[Any, ...]) -> None:
@@ -480,7 +478,7 @@ class _CheckedFile(IndexDataCacheFile):
         self._of_all_sources = f"{name}.{'[0-9a-f]' * 2 * _DIGEST_SIZE}.nbi"
 
     def _save_index(self, overloads: Any) -> None:
-        """Save the index; of the others of this kernel those used last stay."""
+        """Save the index; keep only the `_KEPT` last used ones of this kernel."""
         super()._save_index(overloads)
         with suppress(OSError):  # another process may remove the same
             folder = Path(self._cache_path)
@@ -506,9 +504,9 @@ class _CheckedFile(IndexDataCacheFile):
         return self._intact(os.path.join(self._cache_path, name), 0)
 
     def _intact(self, path: str, start: int) -> Any:
-        """The content of a file from byte `start` on; None if it is damaged, and it is removed.
+        """Return the content of a file from byte `start` on; remove a damaged one and return None.
 
-        Also None if another version of pinfric wrote it with a class that no longer exists.
+        Also None if it names a class that no longer exists.
         """
         try:
             content = Path(path).read_bytes()

@@ -1,10 +1,9 @@
 """Kernels as plain Python, until compiling them saves time.
 
 Compiling the kernels of forward dynamics takes some 20 s of processor time; simulating an arm for a
-second with the same functions interpreted takes 1 s. So kernels for small problems are interpreted
-first. When this has taken about as long as compiling, summed over this run and those before, the
-kernels are compiled, and later runs find them in numba's cache. This costs at most twice as much as
-the better choice (the ski rental problem; Karlin et al. 1988, Competitive snoopy caching).
+second with them interpreted takes 1 s. So small problems are interpreted until this has taken about
+as long as compiling, summed over this run and earlier ones. That costs at most twice as much as the
+better choice (the ski rental problem; Karlin et al. 1988, Competitive snoopy caching).
 """
 
 from __future__ import annotations
@@ -28,11 +27,11 @@ _FEW = 2000
 
 
 class _Clock:
-    """The time (s) spent interpreting: in this process, and before (from a file in the cache).
+    """The time (s) spent interpreting: in this process, and earlier (from a file in the cache).
 
     Attributes:
         here: in this process.
-        hurried: while it is above 0, kernels are compiled at once: see `compiled.compiling`.
+        hurried: while above 0, kernels are compiled at once (`compiled.compiling`).
     """
 
     def __init__(self) -> None:
@@ -40,7 +39,7 @@ class _Clock:
         self.hurried = 0
 
     def keep_in(self, folder: str) -> None:
-        """Keep the time in a file in a folder."""
+        """Keep the time in a file in this folder."""
         self._file = Path(folder) / "pinfric.interpreted"
 
     def is_over(self) -> bool:
@@ -93,13 +92,13 @@ def is_small(arguments: tuple[Any, ...]) -> bool:
 def interpreted(
     kernel: Callable[..., Any], otherwise: Callable[..., Callable[..., Any]]
 ) -> Callable[..., Any]:
-    """Return a kernel's function for one call, in which all its callees are interpreted, too.
+    """Return a kernel's function for one call, its callees interpreted, too.
 
     Args:
         kernel: made by numba.
-        otherwise: compiles the kernel for arguments and returns the function to call. It is used
-            if Python's numbers raise on overflow or division by zero, unlike NumPy's. Before that
-            the arrays are restored, because the kernel may have written to them already.
+        otherwise: compiles the kernel for arguments and returns the function to call; used if
+            Python's numbers raise on overflow or division by zero, unlike NumPy's. The arrays are
+            restored before, as the kernel may have written to them.
     """
 
     def run(*arguments: Any) -> Any:
@@ -119,7 +118,7 @@ def interpreted(
 
 
 def arrays_in(arguments: tuple[Any, ...]) -> Iterator[np.ndarray]:
-    """Yield every array among a kernel's arguments, those in tuples, too."""
+    """Yield every array among a kernel's arguments, also in tuples."""
     for argument in arguments:
         if isinstance(argument, np.ndarray):
             yield argument
@@ -128,7 +127,7 @@ def arrays_in(arguments: tuple[Any, ...]) -> Iterator[np.ndarray]:
 
 
 def plain(kernel: Any) -> FunctionType:
-    """Return the Python function of a kernel, whose callees are Python functions, too."""
+    """Return the Python function of a kernel, its callees as Python functions, too."""
     if kernel not in _PLAIN:
         function = kernel.py_func
         _PLAIN[kernel] = FunctionType(
@@ -142,7 +141,7 @@ def plain(kernel: Any) -> FunctionType:
 
 
 def _plain_names(names: dict[str, Any]) -> dict[str, Any]:
-    """A module's names with functions in place of kernels, found by identity, not by name."""
+    """Return a module's names with functions for kernels, found by identity, not by name."""
     module = names["__name__"]
     if module not in _NAMES:
         _NAMES[module] = here = dict(names)

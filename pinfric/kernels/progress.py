@@ -1,8 +1,7 @@
-"""What is said while kernels compile: that they do, how many are done, about how long it takes.
+"""Progress while kernels compile: how many are done and to go, and about how long it takes.
 
-Numba tells neither how many functions a call will compile nor how long that takes. The work of a
-call is all kernels that its root reaches and that are not in the cache; the time of each follows
-the length of its byte code.
+Numba tells neither. The work of a call is all uncached kernels that its root reaches; the time of
+each is taken in proportion to the length of its byte code.
 """
 
 from __future__ import annotations
@@ -28,9 +27,9 @@ _FEW = 5
 
 
 class CompileProgress(event.Listener):
-    """Prints lines on stderr while numba compiles, from a thread: a kernel may take long.
+    """Prints lines on stderr while numba compiles, from a thread, as a kernel may take long.
 
-    Where a bar or a spinner is drawn, it has put something in place of stderr, and lines go above.
+    While a bar or a spinner replaces stderr, lines go above it.
     """
 
     def __init__(self) -> None:
@@ -41,7 +40,7 @@ class CompileProgress(event.Listener):
         event.register("numba:compile", self)
 
     def begin(self, function: Callable[..., Any], kept: str) -> None:
-        """Note that a kernel is not in the cache; `kept` says at the first one where it will be."""
+        """Note that a kernel is not in the cache; `kept`, printed once, says where it will be."""
         if not self._watching:
             self._watching = True
             _say(f"compiling kernels for this machine; {kept}")
@@ -50,20 +49,20 @@ class CompileProgress(event.Listener):
             self._left |= {each: len(each.__code__.co_code) for each in _reached(function)}
 
     def end(self, function: Callable[..., Any], compiled: bool) -> None:
-        """Note that a kernel is there: compiled, or found in the cache."""
+        """Note that a kernel was compiled, or found in the cache."""
         length = self._left.pop(function, 0)
         if compiled:
             self._count, self._done = self._count + 1, self._done + length
 
     def on_start(self, _: Any) -> None:
-        """Numba begins with a function, a root or one that another calls."""
+        """Numba begins to compile a function: a root or a callee."""
         if self._depth == 0:
             self._began = time.monotonic()
             NOTICES["busy"] = True
         self._depth += 1
 
     def on_end(self, _: Any) -> None:
-        """It has compiled it, or failed."""
+        """Numba has compiled it, or failed."""
         self._depth -= 1
         if self._depth == 0:
             NOTICES["busy"] = False
@@ -75,7 +74,7 @@ class CompileProgress(event.Listener):
                 self._drawn = False
 
     def line(self) -> str:
-        """Return how far it is."""
+        """Return the progress as one line."""
         seconds, left = self._seconds + time.monotonic() - self._began, dict(self._left)
         done = f"{self._count} done in {seconds:.0f} s"
         said = f"compiling kernels: {done}, {len(left)} to go in this step"
@@ -105,7 +104,7 @@ def _say(text: str) -> None:
 
 
 def _reached(function: Callable[..., Any]) -> set[Callable[..., Any]]:
-    """The functions of a kernel and of all kernels that it calls, but for inlined ones."""
+    """Return the functions of a kernel and of all kernels that it calls, without inlined ones."""
     found, queue = {function}, [function]
     for each in queue:  # grows while it is walked
         for name in each.__code__.co_names:
