@@ -1,8 +1,6 @@
 """Elastic gears: wind-up, the tool's place at rest, natural frequencies.
 
-Everything follows from a rigid `InverseResult`; nothing here changes it.
-
-Takes: the result of inverse dynamics of a scene whose gears have a stiffness.
+Takes: a rigid `InverseResult`, which stays as it is, of a scene whose gears have a stiffness.
 
 Steps: `elasticity` finds the rests, winds up each gear by its torque, moves the tool by the sum
 (`places`), and solves for the lowest frequencies with motors held (`vibration`).

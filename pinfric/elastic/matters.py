@@ -1,4 +1,4 @@
-"""Effect of elasticity on a motion: motors, frequencies, the tool's position."""
+"""Whether elasticity matters along a motion."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class ElasticEffect:
 
 
 def elastic_effect(result: InverseResult) -> ElasticEffect | None:
-    """Return the effects of elastic gears along a motion; None if a scene has none.
+    """Return the effects along a motion; None without elastic gears.
 
     Args:
         result: of inverse dynamics; without times only the frequency is known.
@@ -72,10 +72,12 @@ def elastic_effect(result: InverseResult) -> ElasticEffect | None:
 
 
 def bandwidth(t: np.ndarray, a: np.ndarray) -> float:
-    """Return the frequency, Hz, below which 95 % of the energy of accelerations lies; 0 of a rest.
+    """Return the frequency, Hz, below which 95 % of the energy of accelerations lies; 0 without
+    motion.
 
     Args:
-        t: (T,) s, of any steps. a: (T, nv), each column against its own RMS.
+        t: (T,) s, of any steps.
+        a: (T, nv), each column is divided by its RMS.
     """
     even = np.linspace(t[0], t[-1], len(t))
     columns = np.column_stack([np.interp(even, t, column) for column in a.T])
@@ -89,9 +91,9 @@ def bandwidth(t: np.ndarray, a: np.ndarray) -> float:
 
 
 def _motor_share(result: InverseResult) -> tuple[float, str]:
-    """RMS of r J f(t)'' over that of the motor's torque, and the drive where that is largest.
+    """RMS of r J f(t)'' over that of the motor's torque, of the drive where it is largest.
 
-    t: without friction, whose jumps no motor follows; under one load at a time.
+    t is the effort without friction, whose jumps no motor follows.
     """
     scene, t = result.scene, result.times
     worst, _ = ends_by_magnitude(result.motor_torque_lower, result.motor_torque_upper)

@@ -1,10 +1,8 @@
 """Wind-up, the tool's position at rest and natural frequencies along a motion.
 
-The drives' torques are those of the rigid robot. Where joints rest, static friction holds any
-torque of the drive's interval, so the wind-up lies between f(lower) and f(upper); where a joint
-came to rest slowly it keeps the friction of the way it came (`RestPeriod.approach`). Places are of
-first order in the wind-up, at the commanded pose; the stiffness of gravity is left out (it shifts
-frequencies by some 0.01 %).
+At rest static friction holds any torque of the drive's interval, so the wind-up lies between
+f(lower) and f(upper); a joint that came to rest slowly keeps the friction of its approach. Places
+are of first order in the wind-up, at the commanded pose. See `notebooks/theory/elastic.md`.
 """
 
 from __future__ import annotations
@@ -52,8 +50,8 @@ class ToolPlace:
     Attributes:
         middle, sag: (6,) displacement of the middle of the interval, and without friction.
         generators: (6, na) of the zonotope of places around the middle (`places`).
-        approach, opposite: (6,) displacements that the approach leaves, and the opposite one; None
-            where they are not known.
+        approach, opposite: (6,) displacements after the approach and after the opposite one; None:
+            unknown.
     """
 
     middle: np.ndarray
@@ -64,17 +62,17 @@ class ToolPlace:
 
     @property
     def sag_distance(self) -> float:
-        """|sag|, m: displacement of the tool by the load, without friction."""
+        """Distance |sag|, m, by the load without friction."""
         return float(np.linalg.norm(self.sag[:3]))
 
     @property
     def extents(self) -> np.ndarray:
-        """(6,) half the interval's width along and about the world's axes, m and rad."""
+        """(6,) half-widths of the interval along and about the world's axes, m and rad."""
         return extents(self.generators)
 
     @property
     def farthest(self) -> float:
-        """Largest distance from the middle at which static friction can hold the tool, m."""
+        """Largest distance from the middle at which static friction holds the tool, m."""
         return farthest(self.generators[:3])
 
     @property
@@ -95,15 +93,15 @@ class RestPeriod:
     """A time in which all joints stand still under one load.
 
     Attributes:
-        start, end: s. sample: the last one of it.
-        payloads: that are carried.
+        start, end: s. sample: its last one.
+        payloads: those carried.
         wind_up_lower, wind_up_upper: (na,) interval of each drive's wind-up, rad (m); 0 of rigid
             drives.
         wind_up_sag: (na,) without friction.
-        wind_up_approach, wind_up_opposite: (na,) as the approach leaves it, and the opposite one;
-            None where they are not known.
+        wind_up_approach, wind_up_opposite: (na,) after the approach and after the opposite one;
+            None: unknown.
         frequency: Hz, lowest with motors held, at the least and the greatest torque held.
-        mode: that of the least.
+        mode: at the least.
         tool: None where `Elasticity.notes` say why.
     """
 
@@ -128,8 +126,8 @@ class Elasticity(Shown):
     Attributes:
         result: of the rigid robot.
         drives: names of the elastic ones.
-        frequency: (T,) lowest natural frequency with motors held, Hz, each gear with its tangent
-            at the least torque that its interval holds; NaN where there is no solution.
+        frequency: (T,) lowest natural frequency with motors held, Hz, each gear with its tangent at
+            the torque of least magnitude in its interval; NaN where there is no solution.
         rests: in the order of time.
         notes: what is left out, and why.
     """
@@ -142,7 +140,7 @@ class Elasticity(Shown):
 
     @property
     def worst(self) -> RestPeriod | None:
-        """The rest with the widest interval at the tool; without a tool None."""
+        """The rest with the widest interval at the tool; None without a tool."""
         known = [rest for rest in self.rests if rest.tool is not None]
         return max(known, key=lambda rest: rest.tool.farthest if rest.tool else 0.0, default=None)
 
@@ -158,10 +156,7 @@ class Elasticity(Shown):
 
     @cached_property
     def bracket(self) -> tuple[float, float]:
-        """Dunkerley's and Rayleigh's bounds of the lowest frequency there, Hz.
-
-        NaN where loops couple the joints.
-        """
+        """Dunkerley's and Rayleigh's bounds of the lowest frequency there, Hz; NaN with loops."""
         scene, sample = self.result.scene, slice(self.slowest, self.slowest + 1)
         if scene.linkage is not None:
             return np.nan, np.nan
@@ -176,13 +171,13 @@ class Elasticity(Shown):
 
 
 def elasticity(result: InverseResult) -> Elasticity:
-    """Return the effects of a scene's elastic gears along a motion.
+    """Return wind-up, places at rest and natural frequencies along a motion.
 
     Args:
         result: of inverse dynamics, with times.
 
     Raises:
-        StateError: it has no times, or no drive of its scene has a `stiffness`.
+        StateError: it has no times, or no drive has a `stiffness`.
     """
     scene = result.scene
     if not scene.elastic:
@@ -230,7 +225,7 @@ def _notes(scene: Scene) -> list[str]:
 
 
 def trajectory_frequencies(result: InverseResult) -> np.ndarray:
-    """Return the lowest natural frequency (T,), Hz, of each sample (`Elasticity.frequency`)."""
+    """Return the lowest natural frequency (T,), Hz, as `Elasticity.frequency`."""
     scene = result.scene
     torque = _torques(result)[1]
     known = np.isfinite(torque).all(axis=1)
@@ -250,7 +245,7 @@ def trajectory_frequencies(result: InverseResult) -> np.ndarray:
 def _lowest(
     mass: np.ndarray, rates: np.ndarray, closed: np.ndarray, stiffness: np.ndarray
 ) -> np.ndarray:
-    """The lowest frequencies (n,), Hz, motors held; see `mobility` for the arguments."""
+    """Return the lowest frequencies (n,), Hz, motors held; arguments as in `mobility`."""
     if has_light(mass, closed):
         every = zip(mass, rates, closed, stiffness, strict=True)
         return np.array([lowest_mode(*one).frequency for one in every])
@@ -260,7 +255,7 @@ def _lowest(
 def unloaded_frequency(scene: Scene) -> float:
     """Return the lowest natural frequency, Hz, at the scene's start, each gear at its softest.
 
-    Motors held, with the payloads attached by default; NaN where the loops do not close there, or
+    Motors are held, payloads as attached by default; NaN if the loops do not close there, or
     nothing has inertia.
     """
     try:
@@ -274,10 +269,11 @@ def unloaded_frequency(scene: Scene) -> float:
 
 
 def modes_of(result: InverseResult, samples: list[int], torque: np.ndarray) -> list[Mode]:
-    """Return the slowest mode at each of some samples, motors held.
+    """Return the slowest mode at some samples, motors held.
 
     Args:
-        result: of inverse dynamics. samples: which.
+        result: of inverse dynamics.
+        samples: which.
         torque: (T, na) that the gears carry.
     """
     scene = result.scene
@@ -334,7 +330,7 @@ def _torques(result: InverseResult) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _masses(result: InverseResult, samples: np.ndarray | list[int]) -> np.ndarray:
-    """M (n, nv, nv) of some samples, with what they carry, and what no elastic drive turns."""
+    """M (n, nv, nv) with the payloads of each sample and the armature of undriven joints."""
     at = np.asarray(samples)
     parts = []
     for start, stop, carried in result.states.phases(result.scene):
@@ -362,12 +358,11 @@ def _with_armature(scene: Scene, mass: np.ndarray) -> np.ndarray:
 def _rows(
     scene: Scene, q: np.ndarray, rigid: bool = True, every: bool = False
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Rates (n, ne, nv) of the elastic drives (of `every`), and rows (n, m, nv) of what is closed.
+    """Rates (n, ne, nv) of the elastic drives, and rows (n, m, nv) of constraints, at q (n, nq).
 
     Args:
-        scene: the robot. q: (n, nq).
         rigid: rigid drives stand still, as with motors held.
-        every: rates of all drives.
+        every: rates of all drives; rows of loops only.
     """
     nv = scene.model.nv
     S = np.broadcast_to(rate_rows(scene.drives, nv), (len(q), len(scene.drives), nv))
@@ -389,7 +384,7 @@ def _rows(
 
 
 def _wind_ups(scene: Scene, torque: np.ndarray) -> np.ndarray:
-    """(n, na) of torques (n, na); 0 of rigid drives."""
+    """(n, na) at torques (n, na); 0 of rigid drives."""
     angles = np.zeros(torque.shape)
     for d in scene.elastic:
         spring = scene.drives[d].spring
@@ -413,9 +408,9 @@ def _rest_samples(result: InverseResult) -> list[tuple[int, int, int]]:
 def _approaches(
     result: InverseResult, found: list[tuple[int, int, int]], notes: list[str]
 ) -> list[_Ways]:
-    """Wind-up (na,) that the approach to each rest leaves, and the opposite one: just moving.
+    """Wind-up (na,) after the slow approach to each rest, and after the opposite one.
 
-    None where nothing has moved before; and, with a note, where no such motion can be computed.
+    None where nothing moved before, and, with a note, where such a motion cannot be computed.
     """
     scene, states = result.scene, result.states
     nothing: list[_Ways] = [(None, None)] * len(found)
@@ -450,7 +445,7 @@ def _approaches(
 
 
 def _direction(result: InverseResult, hold: int) -> np.ndarray:
-    """(nv,) the way each joint last moved before a sample, just fast enough not to stick.
+    """Velocities (nv,): each joint's last direction before a sample, just too fast to stick.
 
     With loops the whole motion of the last moving sample.
     """

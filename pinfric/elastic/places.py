@@ -1,9 +1,8 @@
 """Positions of a tool if each joint may be anywhere in an interval.
 
-To first order a wind-up delta of the drives, the motors held, moves the joints by -Q delta and the
-tool by -J Q delta, Q = N (S N)^-1. Intervals of the drives that do not depend on each other make of
-the tool's places a zonotope: middle + sum_j s_j g_j, |s_j| <= 1, g_j = J_j (delta_upper -
-delta_lower)_j/2.
+To first order a wind-up delta of the drives moves the tool by -J Q delta, Q = N (S N)^-1. If the
+drives' intervals are independent, its places are a zonotope: middle + sum_j s_j g_j, |s_j| <= 1,
+g_j = (J Q)_j (delta_upper - delta_lower)_j/2. See `notebooks/theory/elastic.md`.
 """
 
 from __future__ import annotations
@@ -19,10 +18,11 @@ _SINGULAR = 1e-9
 
 
 def joint_answer(rates: np.ndarray, closed: np.ndarray) -> np.ndarray | None:
-    """Return Q (nv, na): what the joints do per unit of each drive's rate; None: not determined.
+    """Return Q (nv, na): motion of the joints per unit of each drive's rate; None: not determined.
 
     Args:
-        rates: (na, nv) S of all drives. closed: (m, nv) rows of loops.
+        rates: (na, nv) S of all drives.
+        closed: (m, nv) rows of loops.
     """
     N = free_motions(closed[None], rates.shape[1])[0]
     moved = rates @ N
@@ -44,9 +44,9 @@ def extents(generators: np.ndarray) -> np.ndarray:
 
 
 def farthest(generators: np.ndarray) -> float:
-    """Return the largest distance of a place from the middle: at a corner.
+    """Return the largest distance of a place, a corner, from the middle.
 
-    Of more than `MOST_CORNERS` generators: sum_j |g_j|, which is no less.
+    Beyond `MOST_CORNERS` generators the upper bound sum_j |g_j|.
     """
     used = generators[:, np.abs(generators).max(axis=0, initial=0.0) > 0.0]
     if used.shape[1] > MOST_CORNERS:
@@ -55,7 +55,7 @@ def farthest(generators: np.ndarray) -> float:
 
 
 def corners(generators: np.ndarray) -> np.ndarray:
-    """Return sum_j +-g_j of all signs, those with +g_1 (the others mirror them), (2^(k-1), d)."""
+    """Return sum_j +-g_j for all signs, those with +g_1 (the others mirror them), (2^(k-1), d)."""
     points = generators[:, :1].T if generators.shape[1] else np.zeros((1, len(generators)))
     for g in generators.T[1:]:
         points = np.concatenate([points + g, points - g])

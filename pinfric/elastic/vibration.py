@@ -1,21 +1,13 @@
 """Natural frequencies of a mechanism whose drives are springs, in the drives' coordinates.
 
-With S v the drives' rates (s = S q in an open chain), theta the motors' angles over their ratios,
-delta = theta - s and I = r^2 J_rotor (Spong's reduced model: rotors turn about their own axes
-only),
+With S the drives' rates, K the gears' tangents, I = r^2 J_rotor and N a basis of the motions that
+loops and rigid drives allow, the squares of the angular frequencies are the eigenvalues of
 
-    M q'' = S^T K delta + J_c^T lambda,     J_c q' = 0,     S_rigid q' = 0
-    I theta'' = -K delta + motor
-
-what moves has the mobility Lambda = S N (N^T M N)^-1 N^T S^T, N a basis of the motions that loops
-and rigid drives leave. The squares of the angular frequencies are the eigenvalues of
-
-    K^1/2 Lambda K^1/2              motors held (servo, brake)
+    K^1/2 Lambda K^1/2              motors held,     Lambda = S N (N^T M N)^-1 N^T S^T
     K^1/2 (Lambda + I^-1) K^1/2     motors free
 
-Seen from torque to motor speed the first are the anti-resonances, the second the resonances.
-Motions that strain no spring have no frequency here. What has no inertia has none either: it
-follows at once, so that the springs strain least.
+(`notebooks/theory/elastic.md`). Motions that strain no spring, or have no inertia, have no
+frequency; the latter follow at once, so that the springs strain least.
 
 Sources: Spong, Modeling and control of elastic joint robots, 1987; De Luca and Book, Robots with
 flexible elements, in Springer Handbook of Robotics, 2nd ed. 2016, ch. 11.
@@ -37,7 +29,7 @@ class Mode(NamedTuple):
     """One natural mode.
 
     Attributes:
-        frequency: Hz; NaN, as all others, where nothing has inertia.
+        frequency: Hz; NaN, as the others, where nothing has inertia.
         shares: (ne,) of the strain energy in each spring, their sum 1.
         shape: (nv,) of the joints, its largest entry 1.
     """
@@ -48,7 +40,7 @@ class Mode(NamedTuple):
 
 
 def free_motions(rows: np.ndarray, nv: int) -> np.ndarray:
-    """Return N (n, nv, k): an orthonormal basis of the velocities v with rows v = 0.
+    """Return N (n, nv, k), an orthonormal basis of the velocities v with rows v = 0.
 
     Args:
         rows: (n, m, nv), of one rank in all samples; m may be 0.
@@ -63,10 +55,11 @@ def free_motions(rows: np.ndarray, nv: int) -> np.ndarray:
 
 
 def inertias(mass: np.ndarray, N: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return (n, k) inertias of motions in the basis N, each part's alone 1, and the motions.
+    """Return inertias (n, k): eigenvalues of N^T M N with diagonal 1; and their motions (n, nv, k).
 
     Args:
-        mass: (n, nv, nv) M. N: (n, nv, k), see `free_motions`.
+        mass: (n, nv, nv) M.
+        N: (n, nv, k), see `free_motions`.
     """
     inner = np.swapaxes(N, 1, 2) @ mass @ N
     own = np.diagonal(inner, axis1=1, axis2=2)
@@ -76,7 +69,7 @@ def inertias(mass: np.ndarray, N: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def has_light(mass: np.ndarray, closed: np.ndarray) -> bool:
-    """Return whether, in any sample, a motion has no inertia.
+    """Return whether a motion has no inertia in any sample.
 
     Args:
         mass, closed: see `mobility`.
@@ -86,10 +79,11 @@ def has_light(mass: np.ndarray, closed: np.ndarray) -> bool:
 
 
 def mobility(mass: np.ndarray, rates: np.ndarray, closed: np.ndarray) -> np.ndarray:
-    """Return Lambda (n, ne, ne) = S N (N^T M N)^-1 N^T S^T, of what a push at a spring moves.
+    """Return Lambda (n, ne, ne) = S N (N^T M N)^-1 N^T S^T.
 
     Args:
-        mass: (n, nv, nv) M. rates: (n, ne, nv) S, of the elastic drives.
+        mass: (n, nv, nv) M.
+        rates: (n, ne, nv) S, of the elastic drives.
         closed: (n, m, nv) rows of loops and rigid drives.
     """
     N = free_motions(closed, mass.shape[1])
@@ -102,7 +96,8 @@ def frequencies(mobility: np.ndarray, stiffness: np.ndarray) -> np.ndarray:
     """Return the natural frequencies (n, ne), Hz, ascending; NaN where springs outnumber motions.
 
     Args:
-        mobility: (n, ne, ne) Lambda, or Lambda + I^-1. stiffness: (n, ne) tangents, N m/rad.
+        mobility: (n, ne, ne) Lambda, or Lambda + I^-1.
+        stiffness: (n, ne) tangents, N m/rad.
     """
     root = np.sqrt(stiffness)
     squares = np.linalg.eigvalsh(root[:, :, None] * mobility * root[:, None, :])
@@ -136,7 +131,8 @@ def lowest_mode(
 
 
 def bracket(inertia: np.ndarray, stiffness: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return (n,) least and greatest that the lowest frequency can be, Hz, motors held.
+    """Return the least and the greatest value (n,), Hz, that the lowest frequency can have, motors
+    held.
 
         1/(2 pi sqrt(sum_j J_j/K_j))  <=  f_1  <=  min_j sqrt(K_j/J_j)/(2 pi)
 
@@ -159,7 +155,7 @@ def lowest_frequencies(mass: np.ndarray, stiffness: np.ndarray) -> np.ndarray:
 
         1/(2 pi f)^2 = the largest eigenvalue of K^-1/2 Lambda^-1 K^-1/2
 
-    as `frequencies`, in less time; NaN where nothing has inertia.
+    Faster than `frequencies`; NaN where nothing has inertia.
 
     Args:
         mass: (n, ne, ne) Lambda^-1; M of a tree in which every joint has one elastic drive.
