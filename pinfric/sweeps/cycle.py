@@ -1,7 +1,7 @@
-"""One sample of a sweep: inverse dynamics of one cycle, reduced to a few figures per drive.
+"""Samples of a sweep: inverse dynamics of one cycle, reduced to a few figures per drive.
 
-This is what workers run. A sample depends on its own values only, so that neither the number of
-processes nor a lost worker changes a result.
+Workers run this. A sample depends on its own values only: neither the number of processes nor a
+lost worker changes a result.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ class Study:
     """What all samples share; it is pickled for the workers.
 
     Attributes:
-        scene, trajectory: before a sample's values are put in.
+        scene, trajectory: without a sample's values.
         targets: what the values change.
         trials: the drives on trial.
     """
@@ -58,7 +58,7 @@ class Study:
 
     @cached_property
     def superposition(self) -> Superposition | None:
-        """The cycles that samples are sums of; None where they are not."""
+        """The stored cycles of which samples are sums; None where they are not."""
         try:
             return Superposition.of(self.scene, self.trajectory, self.targets)
         except PinfricError:  # each sample says what is wrong
@@ -66,16 +66,16 @@ class Study:
 
     @property
     def criteria(self) -> tuple[tuple[str, str], ...]:
-        """The columns of verdicts: a drive on trial, and one of its criteria."""
+        """The columns of verdicts: (drive on trial, criterion)."""
         return tuple((trial.drive, name) for trial in self.trials for name in trial.checks)
 
     @property
     def elastic(self) -> tuple[str, ...]:
-        """`ELASTIC_FIGURES` where samples differ in stiffness or hysteresis, else none."""
+        """`ELASTIC_FIGURES` if stiffness or hysteresis varies, else none."""
         return ELASTIC_FIGURES if any(target.key in ELASTIC for target in self.targets) else ()
 
     def load_inertias(self, result: InverseResult) -> np.ndarray:
-        """Return (na,) the largest inertia about each joint over a sample's cycle, kg m^2 (kg)."""
+        """Return (na,) the largest inertia about each joint over a cycle, kg m^2 (kg)."""
         if any(target.section == "payload" for target in self.targets):
             return load_inertias(result)
         if not self._inertias:  # nothing else changes it: the path's configurations stay
@@ -92,8 +92,8 @@ class SampleFigures(NamedTuple):
     Attributes:
         figures: (na, number of `FIGURES`); NaN where there is no solution.
         verdicts: (number of `Study.criteria`,) FAILS, MET or NOT_CHECKED.
-        unsolved: at how many instants of the cycle there is no solution.
-        elastic: `Study.elastic`.
+        unsolved: number of instants without a solution.
+        elastic: as `Study.elastic`.
         problem: why it could not be computed; empty if it could.
     """
 
@@ -105,13 +105,13 @@ class SampleFigures(NamedTuple):
 
 
 def compute(study: Study, rows: np.ndarray, values: np.ndarray) -> pd.DataFrame:
-    """Return the figures of some samples, each by itself: a row a sample.
+    """Return the figures of some samples, one per row.
 
     Columns: `sample`, the parameters, `<drive>.<figure>`, `<drive>.<criterion>` (true, false, or
     missing: not checked), `Study.elastic`, `unsolved`, `problem`.
 
     Args:
-        rows: (k,) which samples these are.
+        rows: (k,) indices of the samples.
         values: (k, number of targets).
     """
     import pandas as pd
@@ -137,7 +137,7 @@ def compute(study: Study, rows: np.ndarray, values: np.ndarray) -> pd.DataFrame:
 
 
 def _cycle(study: Study, sample: np.ndarray, stored: Stored | None) -> SampleFigures:
-    """One sample: of its stored parts where it is a sum of them, else by inverse dynamics."""
+    """Compute one sample: from stored cycles if it is a sum of them, else by inverse dynamics."""
     try:
         if stored is None:
             return cycle_figures(study, sample)
@@ -152,10 +152,7 @@ def _cycle(study: Study, sample: np.ndarray, stored: Stored | None) -> SampleFig
 
 
 def cycle_figures(study: Study, sample: Sequence[float] | np.ndarray) -> SampleFigures:
-    """Return the figures of one cycle.
-
-    By inverse dynamics of the scene and the trajectory with the sample's values in them.
-    """
+    """Return the figures of one cycle by inverse dynamics with the sample's values."""
     scene, trajectory = apply(study.scene, study.trajectory, study.targets, list(sample))
     # one thread: the processes share the cores already
     result = inverse_dynamics(scene, trajectory, threads=1)
@@ -183,7 +180,7 @@ def elastic_figures(result: InverseResult) -> tuple[float, ...]:
 def _verdicts(
     study: Study, result: InverseResult, inertias: np.ndarray | None
 ) -> tuple[np.ndarray, list[int]]:
-    """(na,) least margins, 1 where no drive is on trial; the verdicts of `Study.criteria`."""
+    """(na,) least margins, 1 without a drive on trial; the verdicts of `Study.criteria`."""
     margins, verdicts = np.ones(len(result.scene.drives)), list[int]()
     if study.trials:
         # a path at another speed holds where it held
@@ -195,7 +192,7 @@ def _verdicts(
 
 
 def reduce(result: InverseResult) -> np.ndarray:
-    """Return (na, number of `DEMANDS`), as `summarize` has them; `speed` is max |v| of the drive.
+    """Return (na, number of `DEMANDS`), as `summarize` has them; `speed` is the drive's max |v|.
 
     Args:
         result: with times.

@@ -1,7 +1,7 @@
-"""Distributions of a sweep's parameters: each turns numbers of [0, 1) into values.
+"""Distributions of a sweep's parameters: each maps numbers of [0, 1) to values.
 
-Every design of samples (random, Sobol) is made in the unit cube; the quantile function maps it to
-values, so that a seed gives the same values on every machine.
+All designs (random, Sobol) are made in the unit cube and mapped by the quantile function, so a seed
+gives the same values on every machine.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ _LEAST_KEPT = 1e-6
 
 
 class Distribution(Entry):
-    """Base: values from numbers u of [0, 1), and the least and greatest value there can be."""
+    """Base: values from numbers u of [0, 1), and their range."""
 
     @property
     def frozen(self) -> rv_frozen:
@@ -36,13 +36,13 @@ class Distribution(Entry):
 
     @property
     def support(self) -> tuple[float, float]:
-        """The least and the greatest value; infinite where there is none."""
+        """The least and the greatest value; infinite if unbounded."""
         low, high = self.frozen.support()
         return float(low), float(high)
 
     @property
     def levels(self) -> tuple[float, ...] | None:
-        """The values where they can be counted, else None."""
+        """All values if they are finitely many, else None."""
         return None
 
     def probability_below(self, x: float) -> float:
@@ -97,7 +97,7 @@ class TruncatedNormal(Distribution):
         return truncnorm(low, high, self.mean, self.std)
 
     def quantile(self, u: np.ndarray) -> np.ndarray:
-        """Return the values x with P(X <= x) = u: rounding must not leave [low, high]."""
+        """Return the values x with P(X <= x) = u; rounding never leaves [low, high]."""
         return np.clip(super().quantile(u), *self.support)
 
     @property
@@ -146,15 +146,15 @@ class LogNormal(Distribution):
 
     @property
     def support(self) -> tuple[float, float]:
-        """(0, infinity): the bound itself is never attained."""
+        """(0, infinity), without 0 itself."""
         return math.nextafter(0.0, 1.0), math.inf
 
 
 class _Counted(Distribution):
-    """One of some values, all as likely."""
+    """One of some values, all equally likely."""
 
     def quantile(self, u: np.ndarray) -> np.ndarray:
-        """Return the value whose equal share of [0, 1) holds u, the shares in the order given."""
+        """Return the value whose equal share of [0, 1) contains u, in the order given."""
         values = np.array(self.levels)
         return values[np.minimum((u * len(values)).astype(np.int64), len(values) - 1)]
 
@@ -189,7 +189,7 @@ class OneOf(_Counted):
 
 
 class TableColumn(_Counted):
-    """A column of a table, all rows as likely: one u gives one row in all columns."""
+    """A column of a table, all rows equally likely; one u gives one row in all columns."""
 
     values: Annotated[tuple[Number, ...], Field(min_length=1)]
 

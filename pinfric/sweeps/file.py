@@ -1,15 +1,4 @@
-"""The sweep's file format: parameters with distributions, and motors to check.
-
-pinfric_sweep: 1
-samples: 1000
-sampling: random            # random | sobol | grid
-seed: 1
-parameters:
-  friction.*.mu: {lognormal: {median: 1.0, sigma: 0.35}}     # a factor
-  payload.box.mass: {normal: {mean: 2.0, std: 0.1}}          # kg
-motors:
-  panda_joint2: {drive: CubeMars AK80-64}                    # of a catalogue
-"""
+"""The sweep's file format: parameters with distributions, and motors to check."""
 
 from __future__ import annotations
 
@@ -73,7 +62,7 @@ class SweptParameter(Entry):
 
     @property
     def distribution(self) -> Distribution:
-        """The one that is given."""
+        """The distribution that is given."""
         distribution: Distribution = getattr(self, self.kind)
         return distribution
 
@@ -160,7 +149,7 @@ def load_sweep(given: SweepFile | Mapping[str, Any] | str | Path) -> tuple[Sweep
     """Return a sweep and its source, from a file, a bundled file's name, or a mapping.
 
     Raises:
-        SweepError: everything that is wrong with it, in one message.
+        SweepError: all that is wrong with it, in one message.
     """
     if isinstance(given, SweepFile):
         return given, "sweep"

@@ -1,7 +1,4 @@
-"""The drives of a catalogue, motor and gear, that a sweep puts on trial.
-
-Each is held against the criteria of `size`, each sample where it is computed (`Trial.verdict`).
-"""
+"""The drives of a catalogue, motor and gear, that a sweep puts on trial by the criteria of `size`."""
 
 from __future__ import annotations
 
@@ -32,14 +29,14 @@ _CODES = {Status.FAILS: FAILS, Status.NOT_CHECKED: NOT_CHECKED}
 
 @dataclass(frozen=True)
 class Trial:
-    """A drive of the catalogue.
+    """A drive of the catalogue on trial.
 
     Attributes:
-        drive: which drive it moves. actuator: its column.
+        drive: the drive it replaces. actuator: its column.
         candidate: motor and gear, as rated. conditions: what is demanded.
         continuous_torque, peak_torque: at the motor's shaft, N m, the first at the ambient
-            temperature of the conditions; None where not known.
-        checks: the criteria of `size` it is held against.
+            temperature of the conditions; None: unknown.
+        checks: the criteria of `size` to meet.
     """
 
     drive: str
@@ -55,11 +52,11 @@ class Trial:
     ) -> tuple[float, list[int]]:
         """Return the least margin over one cycle, and MET, FAILS or NOT_CHECKED of `checks`.
 
-        NaN and NOT_CHECKED where there are instants without a solution.
+        NaN and NOT_CHECKED if an instant has no solution.
 
         Args:
             holding: (T,) the samples of the holds.
-            inertias: (na,) largest about each joint over the cycle, kg m^2 (kg); None: not known.
+            inertias: (na,) largest about each joint over the cycle, kg m^2 (kg); None: unknown.
         """
         i, candidate = self.actuator, self.candidate
         if not np.isfinite(result.effort_lower[:, i] + result.effort_upper[:, i]).all():
@@ -75,10 +72,10 @@ class Trial:
 
 
 def motors_on_trial(scene: Scene, sweep: SweepFile, source: str) -> tuple[Scene, tuple[Trial, ...]]:
-    """Return the scene with the named drives, their masses and criteria, and the motors to check.
+    """Return the scene with the named drives and their masses, and these drives.
 
     Raises:
-        SweepError: a drive or a name that is not there, figures that are missing; all at once.
+        SweepError: unknown drives or names, missing figures; all in one message.
         CatalogError: the catalogue cannot be read.
     """
     catalog = load_catalog(sweep.catalog) if sweep.motors else None

@@ -1,20 +1,6 @@
-"""Parameters of a sweep: their names resolved against a scene, their values set in it.
+"""Parameters of a sweep: names resolved against a scene, values set in it.
 
-    friction.<joint>.mu, .coulomb, .viscous     factor on static and kinetic value alike
-    transmission.<drive>.no_load_torque, .motor_viscous, .rotor_inertia     factor
-    transmission.<drive>.stiffness              factor; lines keep the torques at which they meet
-    transmission.<drive>.hysteresis             factor on it and on the friction behind the spring:
-                                                the joint's `coulomb` moves to or from the gear's
-                                                `no_load_torque`, their sum at the joint stays
-    transmission.<drive>.efficiency, .back_efficiency     the value itself
-    payload.<name>.mass                         kg; the inertia goes with it (same shape)
-    payload.<name>.com.x, .y, .z                m, in the link's axes
-    speed                                       factor; 2: the same path in half the time
-    mounting.roll, mounting.pitch               rad; the base turned on its foundation
-
-Names may hold the wildcards * ? [ ]; a factor given for several joints is one draw for all of them,
-or (`each: true`) a draw for each. Factors of overlapping names multiply. One direction alone may be
-meant: friction.<joint>.coulomb.positive, transmission.<drive>.no_load_torque.negative.
+The names, with their units, are listed in `notebooks/reference/sweep.md`.
 """
 
 from __future__ import annotations
@@ -79,10 +65,10 @@ class Target:
     """One column of the samples: the values of the scene that it changes.
 
     Attributes:
-        name: the column's, as in the sweep file (with `each`: of one joint).
+        name: as in the sweep file (with `each`: of one joint).
         section: friction, transmission, payload, speed or mounting.
-        key: what of it, for instance mu.
-        names: the joints, drives or the payload it acts on.
+        key: of the section, for instance mu.
+        names: the joints, drives or the payload that it changes.
         distribution: of its values.
     """
 
@@ -94,10 +80,10 @@ class Target:
 
 
 def resolve(scene: Scene, sweep: SweepFile, source: str) -> tuple[Target, ...]:
-    """Return the columns a sweep draws, each with what it acts on in this scene.
+    """Return the columns that a sweep draws, each with what it changes in this scene.
 
     Raises:
-        SweepError: every name that is not there and every value that cannot be, in one message.
+        SweepError: unknown names and impossible values, all in one message.
     """
     problems: list[str] = []
     targets: list[Target] = []
@@ -129,7 +115,7 @@ def resolve(scene: Scene, sweep: SweepFile, source: str) -> tuple[Target, ...]:
 
 
 def _warn_of_full_springs(scene: Scene, target: Target) -> None:
-    """Say from which factor on no more friction can move behind a gear's spring."""
+    """Warn from which factor on no more friction can move behind a gear's spring."""
     top = target.distribution.support[1]
     top = top if np.isfinite(top) else float(target.distribution.quantile(np.array([0.999]))[0])
     for actuator in scene.actuators or ():
@@ -150,7 +136,7 @@ def _warn_of_full_springs(scene: Scene, target: Target) -> None:
 
 
 def _table_targets(scene: Scene, table: str | None, problems: list[str]) -> list[Target]:
-    """The columns of a table of rows; what is wrong with it is appended."""
+    """Return the columns of a table; append what is wrong with it to `problems`."""
     if table is None:
         return []
     try:
@@ -180,7 +166,7 @@ def _table_targets(scene: Scene, table: str | None, problems: list[str]) -> list
 
 
 def _find(scene: Scene, name: str) -> tuple[str, str, tuple[str, ...]]:
-    """Section, key and the names that a parameter's name means."""
+    """Return the section, key and names that a parameter's name means."""
     if name == "speed":
         return "speed", "", ()
     section, _, rest = name.partition(".")
@@ -236,7 +222,7 @@ def _matches(scene: Scene, section: str, key: str, pattern: str) -> tuple[str, .
 
 
 def _check_split(scene: Scene, drive: str) -> None:
-    """Refuse to move friction across a spring that differs by direction, or is not there."""
+    """Refuse to move friction across a spring if it differs by direction, or is missing."""
     (actuator,) = (a for a in scene.actuators or () if a.drive_name == drive)
     entry = scene.friction.get(actuator.joint or "")
     gear = actuator.transmission
@@ -250,14 +236,14 @@ def _check_split(scene: Scene, drive: str) -> None:
 
 
 def _found(entry: Any, key: str) -> Any:
-    """What stands at a key of an entry, `coulomb.positive` also; None where nothing does."""
+    """Return the value at a key, also `coulomb.positive`; None if there is none."""
     for field in key.split("."):
         entry = getattr(entry, field, None)
     return entry
 
 
 def _scaled(entry: Any, key: str, factor: float) -> Any:
-    """The entry with what stands at a key times a factor (a plain number: set to it)."""
+    """Return the entry with the value at a key times a factor (a key of `SET`: set to it)."""
     first, _, rest = key.partition(".")
     value = getattr(entry, first)
     if rest:
@@ -270,7 +256,7 @@ def _scaled(entry: Any, key: str, factor: float) -> Any:
 
 
 def _impossible(section: str, key: str, kind: str, distribution: Distribution) -> str:
-    """Say which values of a distribution cannot be; empty where all can."""
+    """Say which values of a distribution are impossible; empty if none."""
     low = distribution.support[0]
     with np.errstate(over="ignore"):
         ends = distribution.quantile(np.array([0.0, 0.05, 0.95, 1.0 - 2.0**-53]))
@@ -304,7 +290,7 @@ def _impossible(section: str, key: str, kind: str, distribution: Distribution) -
 def apply(
     scene: Scene, trajectory: Trajectory, targets: Sequence[Target], values: Sequence[float]
 ) -> tuple[Scene, Trajectory]:
-    """Return scene and trajectory with one sample's values in them.
+    """Return scene and trajectory with one sample's values.
 
     Args:
         scene, trajectory: stay as they are.
@@ -317,10 +303,7 @@ def apply(
 
 
 def vary(scene: Scene, targets: Sequence[Target], values: Sequence[float]) -> Scene:
-    """Return the scene with one sample's values in it; speeds are the trajectory's.
-
-    Args: see `apply`.
-    """
+    """Return the scene with one sample's values, as `apply`, without the trajectory's speed."""
     friction = dict(scene.friction)
     payloads = dict(scene.payloads)
     losses: dict[str, dict[str, float]] = {}
@@ -381,7 +364,7 @@ def _varied(scene: Scene, change: dict[str, Any]) -> Scene:
 
 
 def mounted_gravity(model: pin.Model, roll: float, pitch: float) -> np.ndarray:
-    """Return (3,) gravity in the axes of a base turned by R = R_y(pitch) R_x(roll), R^T g, m/s^2.
+    """Return (3,) gravity in the axes of a base turned by R = R_y(pitch) R_x(roll): R^T g, m/s^2.
 
     Args:
         roll, pitch: rad, about the world's x, then its y axis.
@@ -409,12 +392,12 @@ def _with_losses(actuator: Actuator, losses: dict[str, dict[str, float]]) -> Act
 
 
 def _split(actuator: Actuator, friction: dict[str, Friction], factor: float) -> Actuator:
-    """Let `factor` of a joint's Coulomb friction rub behind its gear's spring, the rest before it.
+    """Let `factor` of a joint's Coulomb friction act behind its gear's spring, the rest before it.
 
         coulomb' = factor coulomb
         |r| no_load_torque' = |r| no_load_torque + (1 - factor) coulomb
 
-    at most what there is before the spring is moved behind it. `friction` is changed.
+    At most the friction before the spring moves behind it. Changes `friction`.
     """
     gear, joint = actuator.transmission, actuator.joint
     entry = None if joint is None else friction.get(joint)
@@ -438,12 +421,12 @@ def _split(actuator: Actuator, friction: dict[str, Friction], factor: float) -> 
 
 
 def draw(targets: Sequence[Target], sweep: SweepFile) -> np.ndarray:
-    """Return every sample's values (n, number of targets); the seed decides them alone.
+    """Return every sample's values (n, number of targets), which depend on the seed only.
 
     Sobol's design stacks Saltelli's matrices A, B and A with one column of B, for each target.
 
     Raises:
-        SweepError: a grid of more samples than can be meant.
+        SweepError: a grid or design of more than `MOST_SAMPLES`.
     """
     d = len(targets)
     if sweep.sampling == "grid":
@@ -471,7 +454,7 @@ def draw(targets: Sequence[Target], sweep: SweepFile) -> np.ndarray:
 
 
 def seeded(function: Any, before: str, seed: int) -> dict[str, np.random.Generator]:
-    """Return the argument that seeds one of SciPy's functions: `rng`, or what it was before."""
+    """Return the argument that seeds one of SciPy's functions: `rng`, or its older name `before`."""
     known = signature(function).parameters
     return {"rng" if "rng" in known else before: np.random.default_rng(seed)}
 

@@ -40,11 +40,11 @@ class Probability:
 
 @dataclass(frozen=True)
 class SobolIndices:
-    """Shares of a figure's variance, by parameter (np,).
+    """Shares of a figure's variance, (np,) by parameter.
 
     Attributes:
-        first: share of the parameter alone (first-order index).
-        total: share with its interactions (total-effect index).
+        first: of the parameter alone (first-order index).
+        total: with its interactions (total-effect index).
         first_low, first_high, total_low, total_high: 95 % bootstrap intervals.
     """
 
@@ -61,8 +61,8 @@ class SweepResult(Shown):
     """All samples of a sweep; SI units.
 
     The figures of each drive (`figure`) are those of `pinfric inverse`: `peak`, `rms` of the worst
-    end of the effort interval; `motor_peak`, `motor_rms` at the motor's shaft; `speed`, the largest
-    |v| of the drive, and `margin`, the least of all criteria of a catalogue's drive.
+    end of the effort interval; `motor_peak`, `motor_rms` at the motor's shaft; `speed`, the drive's
+    largest |v|; and `margin`, the least of all criteria of a catalogue's drive.
 
     Attributes:
         scene, trajectory, sweep: their names.
@@ -72,11 +72,11 @@ class SweepResult(Shown):
             joint and at the motor's shaft: N m or N.
         values: (n, np) parameters of each sample.
         figures: (n, na, number of figures); NaN where a sample has no solution.
-        verdicts: (n, number of criteria) of catalogue drives on trial, columns (drive, criterion):
-            whether a sample meets it; NA: not checked.
-        unsolved: (n,) number of instants of the cycle without a solution.
+        verdicts: (n, number of criteria) columns (drive on trial, criterion): whether a sample
+            meets it; NA: not checked.
+        unsolved: (n,) number of instants without a solution.
         problems: (n,) why a sample could not be computed; empty if it could.
-        trials: the motors that are checked.
+        trials: the drives on trial.
         percentiles: the requested ones.
         processes: number of processes used.
         notes: remarks for the reader.
@@ -144,7 +144,7 @@ class SweepResult(Shown):
         """Return one figure of all samples and drives, (n, na).
 
         Raises:
-            SweepError: there is none of that name.
+            SweepError: there is no such figure.
         """
         if name not in FIGURES:
             raise SweepError(f"there is no figure {name!r}; {choose_from(name, FIGURES)}")
@@ -153,22 +153,22 @@ class SweepResult(Shown):
     def quantiles(self, name: str) -> np.ndarray:
         """Return the percentiles of a figure, (number of percentiles, na), by drive.
 
-        Over the samples that have a solution; all samples weigh the same, a grid's too.
+        All samples with a solution weigh the same, also those of a grid.
         """
         there = self.figure(name)[self.solved]
         return np.percentile(there, self.percentiles, axis=0)
 
     @property
     def rated(self) -> tuple[str, str]:
-        """Names of the peak and the RMS that motors are rated by: at their shafts, if gears are."""
+        """The peak and the RMS by which motors are rated: at their shafts, if there are gears."""
         there = (self.figure("peak") != self.figure("motor_peak"))[self.solved]
         return ("motor_peak", "motor_rms") if there.any() else ("peak", "rms")
 
     def influences(self, name: str) -> np.ndarray:
         """Return the influence of each parameter on a figure, (np, na).
 
-        Its share of the variance, with interactions, if there are shares (`has_shares`);
-        otherwise its rank correlation.
+        Its total share of the variance if there are shares (`has_shares`), else its rank
+        correlation.
         """
         shares = self.sobol(name) if self.has_shares else None
         if shares is None:
@@ -176,7 +176,7 @@ class SweepResult(Shown):
         return np.column_stack([drive.total for drive in shares])
 
     def strongest(self, influences: np.ndarray, most: int) -> list[int]:
-        """Return the most influential parameters of one drive's figure, without the noise.
+        """Return the parameters that influence one drive's figure most, without noise.
 
         Args:
             influences: (np,) on that drive.
@@ -187,7 +187,7 @@ class SweepResult(Shown):
         return [int(j) for j in order[:most] if abs(influences[j]) > least]
 
     def elastic_quantiles(self) -> dict[str, np.ndarray]:
-        """Return the percentiles of the elastic figures that are known, by name."""
+        """Return the percentiles of the known elastic figures, by name."""
         there = self.elastic[self.solved] if self.elastic.size else self.elastic
         known = [k for k in range(there.shape[1]) if np.isfinite(there[:, k]).all() and len(there)]
         return {
@@ -196,9 +196,9 @@ class SweepResult(Shown):
         }
 
     def sufficing(self, trial: Trial | None = None) -> np.ndarray:
-        """Return (n,) in which samples a motor meets all its criteria; None: all motors do.
+        """Return (n,) in which samples a motor (None: every motor) meets all its criteria.
 
-        A sample without a solution is one in which none does.
+        A sample without a solution counts as failed.
         """
         trials = self.trials if trial is None else (trial,)
         met = [mask for t in trials for mask in self.met(t).values()]
@@ -206,7 +206,7 @@ class SweepResult(Shown):
         return np.logical_and.reduce([*met, there])
 
     def met(self, trial: Trial) -> dict[str, np.ndarray]:
-        """Return for each criterion that could be checked which samples meet it, (n,).
+        """Return for each checked criterion which samples meet it, (n,).
 
         A sample without a solution meets none.
         """
@@ -219,7 +219,7 @@ class SweepResult(Shown):
         }
 
     def not_checked(self, trial: Trial) -> tuple[str, ...]:
-        """Return the criteria for which a figure is missing, in any sample that has a solution."""
+        """Return the criteria for which a solved sample lacks a figure."""
         solved = np.isfinite(self.figure("margin")[:, trial.actuator])
         lacks = [self.verdicts[trial.drive, name][solved].isna().any() for name in trial.checks]
         return tuple(name for name, lack in zip(trial.checks, lacks, strict=True) if lack)
@@ -237,7 +237,7 @@ class SweepResult(Shown):
     def rank_correlation(self, name: str) -> np.ndarray:
         """Return Spearman's correlation of each parameter with a figure, (np, na), in [-1, 1].
 
-        It shows monotonic effects only. For a figure with a minimum inside a parameter's range (a
+        It shows monotonic effects only: for a figure with a minimum inside a parameter's range (a
         mounting angle) use the shares of Sobol's design. NaN if a parameter or a figure does not
         vary.
         """
@@ -257,15 +257,15 @@ class SweepResult(Shown):
 
     @property
     def has_shares(self) -> bool:
-        """Whether `sobol` gives shares of the variance: Sobol's design, every sample solved."""
+        """Whether `sobol` gives shares of the variance: Sobol's design, all samples solved."""
         return self.sampling == "sobol" and bool(self.solved.all())
 
     def sobol(self, name: str) -> tuple[SobolIndices, ...] | None:
-        """Return the shares of a figure's variance by drive; None unless sampled for it.
+        """Return the shares of a figure's variance by drive; None for other designs.
 
-        Of A, B and A with one column of B, by the mean over rows and the variance V of A and B:
-        first = <f_B (f_AB - f_A)>/V, total = <(f_A - f_AB)^2>/(2 V). NaN for a figure that does
-        not vary, and for all where a sample has no solution: the design needs every one.
+        With A, B and AB (A with one column of B), means over rows and the variance V of A and B:
+        first = <f_B (f_AB - f_A)>/V, total = <(f_A - f_AB)^2>/(2 V). NaN for a figure that does not
+        vary or has no value in some sample.
 
         Source: Saltelli et al. (2010), Computer Physics Communications 181, 259-270, table 2 b, f.
         """
@@ -298,10 +298,10 @@ class SweepResult(Shown):
         return SobolIndices(first, total, low[0], high[0], low[1], high[1])
 
     def to_dataframe(self) -> pd.DataFrame:
-        """Return a row a sample: `sample`, the parameters, `<drive>.<figure>`, what failed.
+        """Return a row per sample: `sample`, the parameters, `<drive>.<figure>`, what failed.
 
-        For each drive on trial `<drive>.suffices`, and whether it meets each criterion that could
-        be checked, `<drive>.<criterion>`; `<drive>.margin` is the least.
+        For each drive on trial `<drive>.suffices`, `<drive>.<criterion>` of the checked criteria,
+        and the least `<drive>.margin`.
         """
         import pandas as pd
 

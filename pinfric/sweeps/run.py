@@ -1,10 +1,4 @@
-"""Sweeps: how peak and RMS of every drive vary with uncertain parameters.
-
-Friction is known to two digits at best, payloads and mountings differ from machine to machine. A
-sweep draws them from distributions and runs the cycle's inverse dynamics for every sample. It gives
-percentiles of the motors' demand, the probability that given motors suffice, and the most
-influential parameters.
-"""
+"""Sweeps: how peak and RMS of every drive vary with uncertain parameters."""
 
 from __future__ import annotations
 
@@ -45,15 +39,15 @@ def sweep(
 ) -> SweepResult:
     """Return how the drives' peak and RMS vary with parameters drawn from distributions.
 
-    Monte Carlo, Sobol (Saltelli) or grid over coefficients of friction, payload, speed and
-    mounting (`parameters`). The samples depend on the seed only, and their results on the
-    samples only: they are the same on any number of processes, and on a cluster.
+    Monte Carlo, Sobol (Saltelli) or grid over coefficients of friction, payload, speed and mounting
+    (`parameters`). Samples depend on the seed only: results are the same on any number of
+    processes, and on a cluster.
 
     Args:
         scene: the robot; drives of a catalogue that are checked add their masses to it, once.
         sweep: the sweep's file, or its content as a mapping.
-        processes: on this machine; 1 computes in this process. None: as the backend of joblib
-            that is active (`joblib.parallel_config`), else chosen automatically.
+        processes: on this machine; 1 computes in this process. None: as joblib's active backend
+            (`joblib.parallel_config`), else chosen automatically.
         progress: called with the number of finished samples and of all.
 
     Raises:
@@ -123,7 +117,7 @@ def _samples(
     progress: Callable[[int, int], object] | None,
     processes: int | None,
 ) -> tuple[pd.DataFrame, int]:
-    """All samples as `compute` has them, in order, and how many processes computed."""
+    """Return all samples as `compute` does, in order, and the number of processes."""
     from joblib import cpu_count, effective_n_jobs
 
     frames: list[pd.DataFrame] = []

@@ -134,7 +134,6 @@ def _by_percentile(result: SweepResult, values: np.ndarray) -> dict[str, float]:
 
 
 def _spreads(result: SweepResult, figure: str) -> list[Spread]:
-    """One for each drive."""
     quantiles = result.quantiles(figure) if result.solved.any() else None
     correlation, shares = result.rank_correlation(figure), result.sobol(figure)
     names, spreads = result.parameter_names, []

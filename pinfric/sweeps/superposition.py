@@ -1,13 +1,12 @@
-"""A sweep's cycles without inverse dynamics: sums of stored ones, with coefficients of the sample.
+"""Cycles of a sweep as sums of stored ones, without inverse dynamics of each sample.
 
-The path stays. So of each body (the robot, a payload that varies) and each cause (gravity's three
-components, the motion) efforts and wrenches are computed once, tau_bc and w_bc; a sample's are
+For each body b (the robot, a payload that varies) and each cause c (gravity's three components, the
+motion) efforts tau_bc and wrenches w_bc along the path are computed once; a sample's are
 
     w = sum_bc k_b k_c w_bc,     k_c = (R^T g, s^2)
 
-with speed factor s and base R. A payload's inertial parameters are quadratic in its centre of mass:
-it is interpolated, exactly, between the same body at as many places as a quadratic has terms.
-Friction factors and motor-side losses multiply numbers of the laws and of the gears.
+with speed factor s and base R, and likewise tau. A payload's inertial parameters are quadratic in
+its centre of mass, so they are interpolated exactly. See `notebooks/theory/sweeps.md`.
 """
 
 from __future__ import annotations
@@ -52,9 +51,9 @@ class Stored(NamedTuple):
     """One sample's cycle.
 
     Attributes:
-        demands: (na, 5) what it takes of each drive (`write_figures`).
-        result: None unless it was asked for.
-        inertias: (na,) the largest about each joint, kg m^2 (kg).
+        demands: (na, 5) on each drive (`write_figures`).
+        result: None unless asked for.
+        inertias: (na,) largest about each joint, kg m^2 (kg).
     """
 
     demands: np.ndarray
@@ -64,11 +63,11 @@ class Stored(NamedTuple):
 
 @dataclass(frozen=True)
 class Superposition:
-    """The stored cycles of a sweep, and what its values do to them.
+    """The stored cycles of a sweep, and how its values scale them.
 
     Attributes:
-        scene, trajectory, targets: as `cycle.Study` has them.
-        bodies: the robot and each place of each payload that varies: scenes without all else.
+        scene, trajectory, targets: as in `cycle.Study`.
+        bodies: scenes of the robot alone, and of each varied payload alone at each of its places.
         basis: each body run by each cause.
         path: what all samples share.
     """
@@ -84,7 +83,7 @@ class Superposition:
     def of(
         cls, scene: Scene, trajectory: Trajectory, targets: tuple[Target, ...]
     ) -> Superposition | None:
-        """Compute the stored cycles; None where a sample is no sum of them (see `_is_linear`)."""
+        """Compute the stored cycles; None where samples are not sums of them (see `_is_linear`)."""
         others = {k: p for k, p in scene.payloads.items() if k not in _varied_payloads(targets)}
         bodies = (scene.with_(payloads=others, actuators=None), *_places(scene, targets))
         causes, width = _causes(scene, targets), scene.model.nv + 6 * len(scene.sites)
@@ -119,13 +118,13 @@ class Superposition:
         return cls(scene, trajectory, targets, bodies, basis, path)
 
     def cycles(self, values: np.ndarray, whole: bool) -> Iterator[Stored | None]:
-        """Yield the efforts of each sample from the stored parts, reduced by `write_figures`.
+        """Yield each sample's cycle as the sum of stored ones, reduced by `write_figures`.
 
-        None where the general path has to say what is wrong with a cycle.
+        None where the general path must say what is wrong with a cycle.
 
         Args:
             values: (n, number of targets).
-            whole: with the result that the criteria of `size` ask for; the next one overwrites it.
+            whole: with the result for the criteria of `size`; the next cycle overwrites it.
         """
         n = len(values)
         figures = np.empty((n, len(self.scene.drives), 5))
@@ -154,7 +153,7 @@ class Superposition:
                 yield Stored(figures[i], self._result(cycle, values[i], speed[i]), inertias)
 
     def _result(self, now: Cycle, sample: np.ndarray, speed: float) -> InverseResult:
-        """The result of the cycle in the buffers, as far as the criteria of `size` ask for it."""
+        """Return the result of the buffered cycle, as far as the criteria of `size` need it."""
         like, t = self._like, self.trajectory.t
         # of the friction they ask nothing, of what is carried nothing where wrenches are known
         known = like.wrench is not None and len(self.scene.sites) == len(self.scene.joint_names)
@@ -183,19 +182,19 @@ class Superposition:
 
     @cached_property
     def _like(self) -> InverseResult:
-        """A result of the path, for what no sample changes."""
+        """The result of the path, for what no sample changes."""
         return inverse_dynamics(self.scene, self.trajectory, threads=1)
 
     @cached_property
     def _inertias(self) -> np.ndarray:
-        """(bodies, T, na) the inertia of each body about each joint."""
+        """(bodies, T, na) inertia of each body about each joint."""
         states = _states(self.scene, self.trajectory)
         return np.stack(
             [joint_inertias(body, _carrying(self.scene, body, states)) for body in self.bodies]
         )
 
     def _coefficients(self, values: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """(n,) speed factors; k_b (n, bodies) and k_c (n, causes) of each sample."""
+        """Speed factors (n,), k_b (n, bodies) and k_c (n, causes) of each sample."""
         n = len(values)
         columns = values.T.copy()  # contiguous, like the default speed: one compiled kernel
         column_of = {
@@ -225,7 +224,7 @@ class Superposition:
         return speed, np.concatenate(bodies, axis=1), np.concatenate(causes, axis=1)
 
     def _can_move(self, speed: np.ndarray) -> np.ndarray:
-        """(n,) whether `Trajectory` takes the motion at these speed factors, with a margin."""
+        """(n,) whether `Trajectory` accepts these speed factors, with a margin."""
         t, s = self.trajectory.t, speed
         latest = abs(t[0]) + (t[-1] - t[0]) / s
         rates = (abs(x).max() for x in (self.trajectory.v, self.trajectory.a))
@@ -237,10 +236,9 @@ class Superposition:
 def _is_linear(scene: Scene, targets: Sequence[Target]) -> bool:
     """Whether every sample is a sum of stored cycles, and only a number out of range is refused.
 
-    Not with loops, drives off the joints or several on one (friction reacts on wrenches), with
-    springs (gravity's components do not scale them), where a
-    bearing refuses a moment, for values that change a gear's loss or a term's shape, and for
-    sections that this module does not know.
+    Not with loops, drives off the joints or several on one (friction reacts on wrenches), springs
+    (gravity's components do not scale them), bearings that refuse a moment, values that change a
+    gear's loss or a term's shape, and sections unknown here.
     """
     varied = {(target.section, name) for target in targets for name in target.names}
     gears = [drive.transmission for drive in scene.drives if ("transmission", drive.name) in varied]
@@ -264,7 +262,7 @@ def _is_linear(scene: Scene, targets: Sequence[Target]) -> bool:
 
 
 def _varied_payloads(targets: Sequence[Target]) -> dict[str, list[str]]:
-    """What varies of each payload: its keys, those of the centre of mass in the order x, y, z."""
+    """Return the keys of each payload that vary, those of the centre of mass in the order x, y, z."""
     changes: dict[str, list[str]] = {}
     for name, key in sorted({(t.names[0], t.key) for t in targets if t.section == "payload"}):
         changes.setdefault(name, []).append(key)
@@ -272,7 +270,7 @@ def _varied_payloads(targets: Sequence[Target]) -> dict[str, list[str]]:
 
 
 def _offsets(count: int) -> np.ndarray:
-    """(places, count) at which a quadratic in so many variables is given by its values."""
+    """(places, count) points whose values determine a quadratic in so many variables."""
     unit = np.eye(count)
     pairs = [unit[i] + unit[j] for i, j in combinations(range(count), 2)]
     return np.array([np.zeros(count), *unit, *-unit, *pairs])
@@ -285,13 +283,13 @@ def _monomials(x: np.ndarray) -> np.ndarray:
 
 
 def _shares(x: np.ndarray) -> np.ndarray:
-    """(n, places) by which a quadratic at x (count, n) is the sum of its values at `_offsets`."""
+    """(n, places) weights that give a quadratic at x (count, n) from its values at `_offsets`."""
     inverse = np.round(2 * np.linalg.inv(_monomials(_offsets(len(x)).T))) / 2  # halves: exact
     return np.einsum("nm,mp->np", _monomials(x), inverse)
 
 
 def _places(scene: Scene, targets: Sequence[Target]) -> Iterator[Scene]:
-    """Each payload that varies alone, its centre of mass at each of the places it needs."""
+    """Yield each varied payload alone, its centre of mass at each place that it needs."""
     massless = scene.model.copy()
     massless.armature = np.zeros(scene.model.nv)
     for joint in range(1, massless.njoints):
@@ -306,7 +304,7 @@ def _places(scene: Scene, targets: Sequence[Target]) -> Iterator[Scene]:
 
 
 def _causes(scene: Scene, targets: Sequence[Target]) -> list[tuple[np.ndarray, bool]]:
-    """Gravity (3,), and whether the path is run, of each part that has a coefficient of its own."""
+    """Return gravity (3,), and whether the robot moves, of each part with a coefficient of its own."""
     sections, gravity = {target.section for target in targets}, scene.model.gravity.linear
     if "mounting" in sections:
         return [*((axis, False) for axis in np.eye(3)), (np.zeros(3), True)]
@@ -329,7 +327,7 @@ def _carrying(scene: Scene, body: Scene, states: States) -> States:
 
 
 def _weights(t: np.ndarray) -> np.ndarray:
-    """(T,) of samples in a mean over time by the trapezoidal rule."""
+    """(T,) weights of samples in a mean over time by the trapezoidal rule."""
     if len(t) == 1:
         return np.ones(1)
     steps = np.diff(t, prepend=t[0], append=t[-1])
@@ -339,10 +337,8 @@ def _weights(t: np.ndarray) -> np.ndarray:
 def laws_of_samples(scene: Scene, targets: Sequence[Target], values: np.ndarray) -> Laws:
     """Return `law_table` of each sample: strengths (n, ...), n = 1 where friction does not vary.
 
-    Every term is a sum of strengths, and a factor on it multiplies them.
-
     Args:
-        scene: before the values are put in.
+        scene: without the values.
         targets, values: (n, number of targets).
     """
     # a site without any term keeps a row of zeros
@@ -417,7 +413,7 @@ def gears_of_samples(scene: Scene, targets: Sequence[Target], values: np.ndarray
 
 
 def proportional(term: FrictionTerm) -> bool:
-    """Whether a factor on a term multiplies its strengths and nothing else: its class decides."""
+    """Whether a factor on a term multiplies its strengths and nothing else."""
     stribeck = Stribeck(velocity=1.0)
     once, twice = (
         ((CONSTANT, one.at_rest()), *one.rows(stribeck)) for one in (term, term.scaled(2.0))

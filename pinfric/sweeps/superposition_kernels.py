@@ -1,12 +1,7 @@
-"""Cycles of an open chain as sums of stored ones, each reduced to a few figures per drive.
+"""Kernels: cycles of an open chain as sums of stored ones, reduced to a few figures per drive.
 
-The Newton-Euler equations are linear in inertial parameters and in gravity, and quadratic in the
-speed factor. So for cycles along one path that differ in nothing else
-
-    w(t) = sum_b k_b w_b(t),     tau_id(t) = sum_b k_b tau_b(t)
-
-with a few numbers k_b for each. Normal loads, friction, efforts and motor torques are not linear in
-w; the kernels of `tree` compute them.
+w(t) = sum_b k_b w_b(t) and tau_id(t) = sum_b k_b tau_b(t), as `superposition` explains. Loads,
+friction, efforts and motor torques are not linear in w; the kernels of `dynamics` compute them.
 """
 
 from __future__ import annotations
@@ -56,7 +51,7 @@ class Basis(NamedTuple):
 
     Attributes:
         effort: (nb, T nv) tau_b, one drive per degree of freedom.
-        wrench: (nb, T 6 ns) w_b at the sites; no columns where nothing looks at wrenches.
+        wrench: (nb, T 6 ns) w_b at the sites; no columns if nothing needs wrenches.
     """
 
     effort: np.ndarray
@@ -64,12 +59,12 @@ class Basis(NamedTuple):
 
 
 class Varied(NamedTuple):
-    """The data that differ from cycle to cycle.
+    """What differs from cycle to cycle.
 
     Attributes:
         coefficient: (n, nb) k_b. speed: (n,) the speed factor.
-        laws, gears: `law_table` and `gear_table`, what varies with n (or 1: the same) rows before:
-            strengths of the laws, no-load torques, viscous friction and rotors of the gears.
+        laws, gears: `law_table` and `gear_table`; the strengths of the laws, no-load torques,
+            viscous friction and rotors of the gears with n (or 1: the same) rows before.
     """
 
     coefficient: np.ndarray
@@ -79,7 +74,7 @@ class Varied(NamedTuple):
 
 
 class Cycle(NamedTuple):
-    """One cycle.
+    """Buffers of one cycle.
 
     Attributes:
         samples: of its joints.
@@ -98,7 +93,7 @@ class Cycle(NamedTuple):
 
     @classmethod
     def of(cls, path: Path, whole: bool) -> Cycle:
-        """Make the buffers for a path, of all wrenches or of a block of them."""
+        """Make the buffers for a path, of all wrenches (`whole`) or of a block of them."""
         samples, ns = len(path.v) if whole else _BLOCK, len(path.sites.joint)
         of_sites, of_drives = np.empty((4, len(path.v), ns)), np.empty((7, *path.v.shape))
         flags = np.empty((2, len(path.v), ns), dtype=bool)
@@ -171,7 +166,7 @@ def _move(path: Path, speed: float, now: Cycle) -> None:
 
 @kernel
 def _superpose(basis: np.ndarray, coefficient: np.ndarray, start: int, out: np.ndarray) -> None:
-    """Write sum_b k_b basis_b, as many numbers as `out` has, from the place `start` on."""
+    """Write sum_b k_b basis_b into `out`, from column `start` of the basis on."""
     for i in range(out.size):
         out[i] = 0.0
     for b in range(coefficient.size):
@@ -182,7 +177,7 @@ def _superpose(basis: np.ndarray, coefficient: np.ndarray, start: int, out: np.n
 
 @kernel
 def _bound_blocks(wrench: np.ndarray, path: Path, varied: Varied, c: int, now: Cycle) -> None:
-    """Write loads, friction and efforts of one cycle from the summed wrenches, block by block."""
+    """Write loads, friction and efforts of one cycle from the summed wrenches, by blocks."""
     t, samples, width = path.sites, path.v.shape[0], 6 * path.sites.joint.size
     laws = laws_of_row(varied.laws, c % varied.laws.viscous.shape[0])
     sites = SiteTables(t.joint, t.axis, t.contacts, laws, t.velocity_index, t.ratio)
@@ -198,7 +193,7 @@ def _bound_blocks(wrench: np.ndarray, path: Path, varied: Varied, c: int, now: C
 def _reduce(
     weight: np.ndarray, lower: np.ndarray, upper: np.ndarray, figures: np.ndarray, column: int
 ) -> None:
-    """Write peak and RMS of the ends of larger magnitude, from a column of figures (na, 5) on."""
+    """Write peak and RMS of the ends of larger magnitude into two columns of figures (na, 5)."""
     for d in range(figures.shape[0]):
         peak, square = 0.0, 0.0
         for i in range(weight.size):

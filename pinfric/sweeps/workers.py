@@ -1,7 +1,4 @@
-"""Compute batches of a sweep by the joblib backend that is active: processes, threads or a cluster.
-
-A process that joins late computes the same as another: a sample depends on its own values only.
-"""
+"""Batches of a sweep on joblib's active backend: processes, threads or a cluster."""
 
 from __future__ import annotations
 
@@ -53,7 +50,7 @@ def compute_in_parallel(
     Args:
         batches: (k,) rows of `values` each.
         values: (n, number of targets).
-        processes: of this machine; None takes the backend that is active.
+        processes: of this machine; None takes the active backend.
         jobs: how many the backend should run at once; a cluster has its own number.
 
     Raises:
@@ -87,7 +84,7 @@ def compute_in_parallel(
 
 
 def _end_with(parent: int) -> None:
-    """End this process as soon as the one that started it has ended, however that was."""
+    """End this process as soon as its parent has ended in any way."""
 
     def watch() -> None:
         while os.getppid() == parent:
@@ -99,7 +96,7 @@ def _end_with(parent: int) -> None:
 
 @contextmanager
 def _signals_kept() -> Iterator[None]:
-    """Within, Ctrl-C and TERM wait; processes that start here are never sent one."""
+    """Within, Ctrl-C and TERM wait; processes started within never receive them."""
     from joblib.externals.loky.backend import resource_tracker as of_loky
 
     # joblib's own process outlives a `kill -9` of this one, tidies up, and should say nothing
@@ -114,14 +111,13 @@ def _signals_kept() -> Iterator[None]:
 
 
 def _packed(study: Study) -> Packed:
-    """The study, with classes and functions of a notebook or script, and rows of `add_limit`."""
+    """Pickle the study with classes and functions of a notebook or script, and rows of `add_limit`."""
     import cloudpickle
 
     return __version__, cloudpickle.dumps((study, LIMITS[OWN_LIMITS:]))
 
 
 def _compute_packed(packed: Packed, batch: tuple[np.ndarray, np.ndarray]) -> pd.DataFrame:
-    """Return the figures of some samples (`cycle.compute`)."""
     version, study = packed
     if version != __version__:
         raise SweepError(f"a worker has pinfric {__version__}, this machine {version}")
@@ -137,7 +133,7 @@ def _unpacked(packed: bytes) -> Study:
 
 @contextmanager
 def on_cluster(address: str) -> Iterator[None]:
-    """Within, joblib's active backend is a Dask cluster that is already running.
+    """Within, joblib's active backend is a running Dask cluster.
 
     Raises:
         SweepError: the extra `cluster` is missing, or the cluster fails.
