@@ -141,7 +141,7 @@ def __getattr__(name: str) -> Any:
 
 
 def _from_below(name: str) -> Any:
-    """Return a function that calls a public name, which is imported at its first call."""
+    """Return a function that imports a public name at its first call and calls it."""
     return lambda *given, **named: __getattr__(name)(*given, **named)
 
 

@@ -1,9 +1,7 @@
-"""Where the command line begins: one Ctrl-C ends it at any time, in one line, with exit code 130.
+"""The entry of the command line: Ctrl-C and SIGTERM end it at any time, in one line, with code 130.
 
-SIGTERM is Ctrl-C.
-
-It stands before every import that takes time: an interrupt in the middle of one would end in a
-traceback, or be lost where the module is a C++ library that clears what Python raises.
+The handler is set before every import that takes time: an interrupt during an import would end in a
+traceback, or be lost in a C++ library that clears Python's exceptions.
 """
 
 from __future__ import annotations
@@ -59,9 +57,9 @@ def main() -> NoReturn:
 
 
 def _interrupt(number: int, frame: FrameType | None) -> None:
-    """Raise, so that all is tidied; within an import, where nothing is half done, end at once.
+    """Raise `KeyboardInterrupt`; during an import, where no file is half written, exit at once.
 
-    Where files are half written, or other processes run, an import goes on, and is asked again.
+    While LLVM compiles, files are half written or worker processes run, it is raised again later.
     """
     _asked.append(number)
     stack = []
@@ -91,16 +89,16 @@ def _is_handled(error: BaseException | None) -> bool:
 
 
 def _end_workers() -> None:
-    """Kill the processes that a sweep has left waiting for another sweep."""
+    """Kill the processes that a sweep keeps waiting for the next one."""
     if _LOKY in sys.modules and (executor := sys.modules[_LOKY]._executor) is not None:
         with suppress(RuntimeError):  # its thread was to start when the interrupt came
             executor.shutdown(wait=True, kill_workers=True)
 
 
 def _end() -> NoReturn:
-    """Exit as Python does, but without waiting for other threads, and by our own exit code.
+    """Exit as Python does, but without waiting for other threads, and with our own exit code.
 
-    Python ends by SIGINT instead where one interrupted code that was made of text (`exec`).
+    Python itself ends by SIGINT if code made of text (`exec`) was interrupted.
     """
     import atexit
 

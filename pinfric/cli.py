@@ -1,8 +1,7 @@
 """The command line: each command reads files, calls the library, and prints or writes.
 
-A new command is a function under `@app.command()` of a few lines: `load` what it names, compute
-(inside `working`), then `answer` with JSON or tables, and with files. What is heavy is imported
-inside functions: `pinfric --help` needs neither NumPy nor Pinocchio.
+A command is a short function under `@app.command()`: `load`, compute (inside `working`), `answer`.
+Heavy imports are inside functions: `pinfric --help` needs neither NumPy nor Pinocchio.
 """
 
 from __future__ import annotations
@@ -65,7 +64,7 @@ app = typer.Typer(
 
 
 def _effort_place(value: str) -> str:
-    """Refuse an unknown place at once: with way-points nothing else would read it."""
+    """Refuse an unknown place at once: with way-points nothing else reads it."""
     if value not in ("reflected", "motor", "joint"):
         raise typer.BadParameter(f"{value!r}; should be reflected, motor or joint")
     return value
@@ -359,9 +358,9 @@ def size(
 def _cycles(
     trajectory_name: str | None, cycle: list[str] | None, rated: bool
 ) -> dict[str, list[tuple[str, float]]]:
-    """The cycles of each scene that is named before their file, SCENE:FILE; "": SCENE's own.
+    """Return the cycles of each scene named as SCENE:FILE, each with its share or count.
 
-    Each with its share or count; beside a rating there may be none.
+    The key "" holds those of the command's own scene; beside a rating there may be none.
     """
     weighed = [weighted(text) for text in cycle or ()]
     alone = [] if trajectory_name is None else [(trajectory_name, 1.0)]
@@ -383,7 +382,7 @@ def _cycles(
 
 
 def _nested(given: dict[str, Any]) -> dict[str, Any]:
-    """What an option gives as KEY.NAME=VALUE as mappings of names."""
+    """Turn keys KEY.NAME into mappings of names."""
     nested: dict[str, Any] = {}
     for name, value in given.items():
         key, dot, inner = name.partition(".")
@@ -667,7 +666,9 @@ def replay(
 
 
 def _page(html: Path | None, scene: str) -> Path:
-    """Where the page of a scene's replay is to be; refused before any work if it cannot."""
+    """Return the file of a replay's page, by default SCENE.replay.html; check that it can be
+    written.
+    """
     from pinfric.model.files import check_writable
 
     if html is not None and not html.name:
@@ -980,7 +981,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 def _flags_first(arguments: list[str]) -> list[str]:
-    """Put what all commands take before the command: people write it at the end of the line."""
+    """Move the flags that all commands take before the command: people write them at the end."""
     known = ("-q", "--quiet", "-v", "--verbose", "--overwrite")
     flags = [text for text in arguments if text in known]
     return flags + [text for text in arguments if text not in flags]
@@ -1017,7 +1018,7 @@ def _run(arguments: list[str]) -> int:
 
 
 def _unexpected(problem: Exception) -> tuple[str, int]:
-    """Return the line and the exit code for what no reader and no check has caught."""
+    """Return the line and the exit code of an exception that nothing else caught."""
     if isinstance(problem, OSError) and problem.filename is not None:  # a disk, a name, a right
         name = str(problem.filename)
         name = name if len(name) <= 250 else f"{name[:80]}..."

@@ -120,8 +120,8 @@ class UndrivenMotionError(StateError):
 
     Attributes:
         joint: the undriven joint.
-        sample: the sample with the largest effort.
-        effort: needed there in addition to the largest friction (N m or N).
+        sample: the one with the largest effort.
+        effort: needed there beyond the largest friction (N m or N).
         others: further undriven joints that need one.
     """
 
@@ -156,14 +156,14 @@ class ToggleError(StateError):
 
 
 class AccelerationError(PinfricError):
-    """Stick and slip allow no acceleration, or several, at one state (base class of those below).
+    """Stick and slip allow no acceleration, or several, at one state: the base of those below.
 
     Attributes:
         q, v, effort: the state and the efforts (nq,), (nv,), (na,), or the motors' torques.
         given: which of the two: "effort" or "motor_torque".
         site: name of the joint with friction at which it was found.
-        time: in s, if found in a simulation, else None.
-        motion: the motion that the simulation computed until then, else None.
+        time: s, in a simulation; else None.
+        motion: what the simulation computed until then; else None.
     """
 
     _finding = ""
@@ -189,7 +189,7 @@ class AccelerationError(PinfricError):
         super().__init__(f"{self._finding}{when}: joint {site!r}: {reason}; {state}")
 
     def at(self, time: float) -> AccelerationError:
-        """Return the same error with the time in a simulation at which it occurred."""
+        """Return the same error with the time in a simulation."""
         state = self.q, self.v, self.effort
         return type(self)(*state, self.site, self.reason, time, self.given)
 
@@ -259,14 +259,14 @@ class PinfricWarning(UserWarning):
 
 
 class FindingWarning(PinfricWarning):
-    """Of what `pinfric check` lists as a finding of its own."""
+    """A warning of what `pinfric check` lists as a finding."""
 
 
 def one_line(text: str) -> str:
-    """Return a text that a terminal shows as one line, whatever names it contains.
+    """Return a text that a terminal shows as one line.
 
-    Line ends, control characters and halves of surrogate pairs are written as escapes; the middle
-    of a very long text is left out.
+    Line ends, control characters and halves of surrogate pairs are written as escapes; a very long
+    text loses its middle.
     """
     if not text.isprintable():
         text = "".join(
@@ -284,7 +284,7 @@ def cut(text: str, letters: int) -> str:
 
 
 def problems_line(where: str, problems: Sequence[str]) -> str:
-    """Return one line for all problems: their number, the first few, and how many more.
+    """Return one line: how many problems there are, the first few, and how many more.
 
     Args:
         where: the file or section.
@@ -301,9 +301,9 @@ def choose_from(name: object, allowed: Iterable[str], taken: Iterable[object] = 
     """Return the allowed names for the end of an error message; of many the nearest three.
 
     Args:
-        name: the name that was given.
+        name: what was given.
         allowed: the allowed names.
-        taken: names that are used already and are not suggested.
+        taken: names in use, which are not suggested.
     """
     names = list(allowed)
     if not names:
@@ -323,12 +323,12 @@ def choose_from(name: object, allowed: Iterable[str], taken: Iterable[object] = 
 
 
 def removed(name: str) -> str:
-    """Return what takes the place of a removed name of `REMOVED`, "" of any other."""
+    """Return what replaces a removed name (see `REMOVED`), "" for any other."""
     return f"it was removed; {REMOVED[name]}" if name in REMOVED else ""
 
 
 def plain(message: str) -> str:
-    """Return what pydantic says of a value as we say it: "should be greater than 0"."""
+    """Return pydantic's message in our words: "should be greater than 0"."""
     text = message.removeprefix("Input ").partition(", unable to parse")[0]
     for theirs, ours in _WORDS.items():
         text = text.replace(theirs, ours)

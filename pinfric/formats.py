@@ -1,4 +1,4 @@
-"""The files that users write, by name, and their JSON schemas, by which editors check them."""
+"""The formats of files that users write, and their JSON schemas for editors."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ FORMATS: dict[str, type[Entry]] = {
 
 
 class _InOrder(GenerateJsonSchema):
-    """Keys in the order in which classes have them."""
+    """Keeps keys in the order of the class's fields."""
 
     def sort(self, value: JsonSchemaValue, parent_key: str | None = None) -> JsonSchemaValue:
         return value
@@ -39,7 +39,7 @@ _BOUNDS = {"ge": "minimum", "gt": "exclusiveMinimum", "le": "maximum", "lt": "ex
 
 
 def json_schema(name: str) -> dict[str, Any]:
-    """Return the JSON schema (2020-12) of a file's format, kinds that classes add among it.
+    """Return the JSON schema (2020-12) of a format, registered kinds included.
 
     Args:
         name: of `FORMATS`.
@@ -54,7 +54,9 @@ def json_schema(name: str) -> dict[str, Any]:
 
 
 def _in_its_words(schema: Any) -> Any:
-    """Bounds that pydantic leaves in its own words; no titles that repeat the key, no infinity."""
+    """Rename pydantic's bounds to JSON schema's; drop titles that repeat the key, and infinite
+    defaults.
+    """
     if isinstance(schema, list):
         return [_in_its_words(part) for part in schema]
     if not isinstance(schema, dict):

@@ -1,8 +1,7 @@
-"""A starting scene for a user's URDF: every joint listed, its friction guessed and marked so.
+"""A starting scene for a user's URDF: every joint is listed, with its friction guessed and marked.
 
-The guesses are meant to be replaced. They are sized by the load of each joint according to the
-URDF: bearings by its effort limit or, if that is missing or a placeholder, by the weight that it
-carries, friction by the lesser of the two.
+Guesses follow from each joint's load: bearings from its effort limit (if missing or a placeholder,
+from the weight that it carries), friction from the lesser of the two.
 """
 
 from __future__ import annotations
@@ -61,13 +60,13 @@ _MU = {"static": 0.003, "kinetic": 0.002}
 
 @dataclass(frozen=True)
 class Begun:
-    """A robot of which a scene is begun, read once.
+    """A robot for which a scene is begun.
 
     Attributes:
         urdf: the file. robot, facts: as read and measured.
-        masses: link -> its part of an estimated mass; empty where the URDF has masses.
-        mass: of which they are parts, kg; 0 where none was given.
-        by: what they are shared by.
+        masses: link -> its estimated inertia; empty where the URDF has masses.
+        mass: their sum, kg; 0 where none was given.
+        by: what it is shared by.
         drive: kind of all drives, of `DRIVES`; None: not known.
     """
 
@@ -87,17 +86,17 @@ class Begun:
         mass: float | None = None,
         xacro_args: Mapping[str, str] | None = None,
     ) -> Begun:
-        """Read a robot, and estimate its masses where `mass` is given.
+        """Read a robot, and estimate its masses if `mass` is given.
 
         Args:
             urdf: the file, or `example-robot-data:<path below its robots folder>`.
             drive: kind of all drives, see `DRIVES`.
-            mass: of a robot whose URDF has none, kg, with its drives: what its maker prints.
+            mass: of a robot whose URDF has none, kg, with its drives, as its maker prints it.
             xacro_args: of a robot that is xacro.
 
         Raises:
             RobotError: the URDF cannot be read, or describes something that cannot exist; a mass
-                of a robot that has its own.
+                that is not positive, or of a robot that has its own.
         """
         urdf = urdf_file(urdf)
         if drive is not None and drive not in DRIVES:
@@ -116,12 +115,14 @@ class Begun:
 
     @property
     def name(self) -> str:
-        """Of its files: of arm.urdf.xacro, too."""
+        """Of its files; of arm.urdf.xacro "arm"."""
         return self.urdf.stem.removesuffix(".urdf")
 
     @property
     def weight(self) -> float | None:
-        """Torque (N m) that holds it out level; None where its masses are doubtful."""
+        """Torque (N m) that holds the robot stretched out level; None where its masses are
+        doubtful.
+        """
         if self.masses:
             return held_out_level(self.mass, self.facts.way, self.robot.model)
         return believed_weight(self.facts, self.robot.model)
@@ -132,12 +133,12 @@ def new_scene(
 ) -> str:
     """Return a scene for a robot as commented YAML that loads and runs as it is.
 
-    Bearings: a turning joint gets two bearings on a shaft that carries its torque T at a shear
-    stress of 20 MPa, d = (16 T/(pi 20 MPa))^(1/3); a sliding joint a guide half as long as its
-    travel. Dry friction is 5 % of the lesser of the joint's effort limit and three times the weight
-    that it carries, or the share of a kind of drive (`DRIVES`) of its effort limit; viscous
-    friction 20 % of the lesser at the velocity limit, as identified on a UR10e. Where a limit is a
-    placeholder (`limit_remarks`) it counts for nothing. Each guess has its reason beside it, and in
+    A turning joint gets two bearings on a shaft that carries its torque T at a shear stress of 20
+    MPa, d = (16 T/(pi 20 MPa))^(1/3); a sliding joint a guide half as long as its travel. Dry
+    friction is a share of the joint's effort limit by the kind of drive (`DRIVES`); without a kind,
+    5 % of the lesser of this limit and three times the weight that the joint carries. Viscous
+    friction is 20 % of the lesser at the velocity limit, as identified on a UR10e. Limits that are
+    placeholders (`limit_remarks`) are ignored. Each guess has its reason beside it and in
     `assumed`. Whether the links hold the drives is asked, not guessed.
 
     Args:
@@ -220,7 +221,7 @@ def new_scene(
 
 
 def new_waypoints(begun: Begun) -> str:
-    """Return a way-point file for the same robot: a small move of every joint, a hold, and back.
+    """Return a way-point file for the robot: a small move of every joint, a hold, and back.
 
     Raises:
         TrajectoryError: planar or floating joints, which files cannot describe.
@@ -251,7 +252,9 @@ def new_rating(begun: Begun, payload: float, link: str | None = None) -> tuple[P
     """Return a rated payload for a scene, and a way-point file that holds and lifts it.
 
     Args:
-        begun: the robot. payload: kg. link: that carries it; None: the last one.
+        begun: the robot.
+        payload: kg.
+        link: that carries it; None: the last one.
 
     Raises:
         TrajectoryError: see `rate`.
@@ -274,18 +277,20 @@ def write_new(
     link: str | None = None,
     **given: Any,
 ) -> list[Path]:
-    """Write NAME.yaml and NAME.waypoints.yaml for a URDF; existing files are never overwritten.
+    """Write NAME.yaml and NAME.waypoints.yaml for a URDF, never over existing files.
 
-    Beside them go the JSON schemas of both, which their first lines name to editors; with a payload
+    Also the JSON schemas of both, which their first lines name for editors; with a payload
     rating.waypoints.yaml, with a mass NAME.masses.urdf.
 
     Args:
-        urdf: see `Begun.read`; NAME is the file's without suffix.
-        folder: where to; made if missing. payload, link: see `new_rating`.
+        urdf: see `Begun.read`; NAME is its name without suffix.
+        folder: where to; made if missing.
+        payload, link: see `new_rating`.
         **given: drive, mass, xacro_args of `Begun.read`.
 
     Raises:
-        RobotError: see `Begun.read`; PinfricError: a file exists already or cannot be written.
+        RobotError: see `Begun.read`.
+        PinfricError: a file exists already or cannot be written.
     """
     begun = Begun.read(urdf, **given)
     folder, name = Path(folder), begun.name
@@ -313,7 +318,7 @@ def write_new(
 
 
 def _checked(kind: str, text: str) -> str:
-    """A file whose first line tells editors by which schema to check and complete it."""
+    """Prepend the line that names the schema by which editors check and complete the file."""
     return f"# yaml-language-server: $schema={kind}.schema.json\n{text}"
 
 
@@ -327,7 +332,7 @@ def _xacro_section(given: Mapping[str, str]) -> list[str]:
 
 
 def _masses_section(begun: Begun) -> list[str]:
-    """Whether links hold their drives: what a maker prints does, of all else nothing tells."""
+    """State that links hold their drives if a maker's mass was given; else ask."""
     if begun.masses:
         return ["  masses: with_drives         # a robot's printed mass holds motors and gears"]
     return [
@@ -339,7 +344,7 @@ def _masses_section(begun: Begun) -> list[str]:
 
 
 def _payload_section(payload: Payload | None, link: str) -> list[str]:
-    """The rated payload, or an example in a comment."""
+    """Return the rated payload, or an example in a comment."""
     if payload is None:
         return [
             "  # payloads:                  # what it carries; com in the link's frame",
@@ -359,7 +364,7 @@ def _joint_section(
     guesses: Mapping[str, dict[str, tuple[str, str]]],
     dynamics: Mapping[str, UrdfDynamics],
 ) -> list[str]:
-    """The lines of one joint; a joint without a single axis is only listed."""
+    """Return the lines of one joint; a joint without a single axis is only listed."""
     name = yaml_line(joint.name)
     if joint.degrees > 1:
         return [f"  # {name}: {joint.degrees} degrees of freedom; friction needs one axis"]
@@ -385,7 +390,7 @@ def _joint_section(
 
 
 def _guesses(joint: JointLoad, drive: str | None) -> dict[str, tuple[str, str]]:
-    """Key of a joint's friction -> its guess, and why."""
+    """Return each key of a joint's friction with its guess and the reason."""
     dry, measured = _COULOMB * joint.least, "measured robots: 0.2 to 6.5 %"
     unit, rate = ("N", "m/s") if joint.sliding else ("N m", "rad/s")
     speed, at = joint.fastest, "its velocity limit"
@@ -442,7 +447,7 @@ def _dynamics_section(robot: Robot) -> list[str]:
 
 
 def _actuators_section(robot: Robot) -> list[str]:
-    """The drives with the ratios that the URDF gives; a comment where it gives none."""
+    """List the drives with the URDF's ratios; a comment if it gives none."""
     single = [name for name, nv in zip(robot.model.names, robot.model.nvs, strict=True) if nv == 1]
     if not robot.gears.keys() & set(single):
         return [
@@ -463,7 +468,7 @@ def _actuators_section(robot: Robot) -> list[str]:
 
 
 def _followed(column: JointColumn, followers: Sequence[Follower]) -> JointColumn:
-    """The column with the range in which its followers, too, stay within their limits."""
+    """Narrow a column's range until its followers stay within their limits, too."""
     lower, upper = column.lower, column.upper
     for follower in followers:
         if follower.leader == column and follower.ratio != 0.0:
@@ -480,9 +485,10 @@ def _start(column: JointColumn) -> float:
 
 
 def _end(column: JointColumn, start: float) -> float:
-    """A fifth of the range away, towards the farther limit; 0.4 rad or 0.05 m at most.
+    """Return a position a fifth of the range away, towards the farther limit; at most 0.4 rad or
+    0.05 m.
 
-    Less where the joint is so slow that the move would last longer than `_LONGEST`.
+    Less for a joint so slow that the move would last longer than `_LONGEST`.
     """
     most = 0.05 if column.unit == "m" else 0.4
     if math.isfinite(column.velocity_limit) and column.velocity_limit > 0:
@@ -493,13 +499,13 @@ def _end(column: JointColumn, start: float) -> float:
 
 
 def _rounded(position: float, column: JointColumn) -> float:
-    """To 4 decimals, or more where the range is narrow or the joint slow."""
+    """Round to 4 decimals; to more where the range is narrow or the joint slow."""
     size = min(column.upper - column.lower, column.velocity_limit, 1.0)
     return round(position, 4 if size >= 0.01 else 4 - math.floor(math.log10(max(size, 1e-12))))
 
 
 def _duration(columns: tuple[JointColumn, ...], start: list[float], end: list[float]) -> float:
-    """Long enough for 0.3 of every velocity limit that is given (quintic: peak 15/8)."""
+    """Return a duration with at most 0.3 of every velocity limit (quintic: peak 15/8)."""
     needed = [
         1.875 * abs(b - a) / (0.3 * c.velocity_limit)
         for c, a, b in zip(columns, start, end, strict=True)
@@ -509,7 +515,7 @@ def _duration(columns: tuple[JointColumn, ...], start: list[float], end: list[fl
 
 
 def _short(x: float, digits: int = 2) -> str:
-    """A number with so many significant digits."""
+    """Write a number with so many significant digits."""
     number = float(f"{x:.{digits}g}")
     return yaml_line(int(number) if number.is_integer() else number)
 

@@ -1,6 +1,6 @@
-"""What every command does: read what it names, show that it works, print and write results.
+"""What all commands share: read inputs, show progress, print and write results.
 
-What is heavy is imported inside functions: `pinfric --help` needs neither NumPy nor Pinocchio.
+Heavy imports are inside functions: `pinfric --help` needs neither NumPy nor Pinocchio.
 """
 
 from __future__ import annotations
@@ -46,12 +46,12 @@ _NO_LETTER = re.compile(r"Glyph \d+ .*missing from")
 
 @dataclass
 class Run:
-    """What one call of the command line was told, has read and has warned of.
+    """One call of the command line.
 
     Attributes:
-        words: behind `pinfric`, as they were typed: a page to sign states them.
-        quiet: verdicts and errors alone are printed. verbose: all tables and notes, and `facts`.
-        read: files, for its JSON. warnings: each once, for its JSON.
+        words: as typed behind `pinfric`; a page to sign states them.
+        quiet: print verdicts and errors only. verbose: print all tables and notes, and `facts`.
+        read: files read, for the JSON. warnings: each once, for the JSON.
     """
 
     words: list[str] = field(default_factory=list)
@@ -61,7 +61,7 @@ class Run:
     warnings: list[str] = field(default_factory=list)
 
     def begin(self, words: list[str]) -> None:
-        """Forget the call before: tests and scripts have several in one process."""
+        """Forget the previous call: tests and scripts make several in one process."""
         vars(self).update(vars(Run(words)))
 
 
@@ -72,7 +72,7 @@ _SHAPES = (".dae", ".stl", ".obj", ".ply", ".glb", ".png", ".jpg", ".jpeg", ".mt
 
 
 def option(text: str, metavar: str = "", *names: str, **more: Any) -> Any:
-    """Return an option of a command: its help, what stands for its value, its names (`typer`)."""
+    """Return an option of a command: its help, its value's placeholder, its names (`typer`)."""
     return typer.Option(*names, metavar=metavar or None, help=text, **more)
 
 
@@ -103,7 +103,7 @@ _LOG_OPTIONS = {
 
 
 def takes_logs(command: Callable[..., None]) -> Callable[..., None]:
-    """Give a command the options that say how a log is read, as its argument `log`."""
+    """Give a command the options for reading a log, passed to it as its argument `log`."""
 
     def with_options(**arguments: Any) -> None:
         from pinfric.motions.log.reading import ReadingOptions
@@ -131,17 +131,16 @@ def load(
     names: Sequence[str] = (),
     later: Sequence[str | Path | None] = (),
 ) -> tuple[Scene, Any]:
-    """Read a scene and a trajectory, None where none is named.
+    """Read a scene, and a trajectory if one is named (else None).
 
-    Results that could not be written, or would replace what they must not, are refused before any
-    work.
+    Results that could not be written, or would replace files they must not, are refused first.
 
     Args:
         scene_name, trajectory_name: files or bundled.
         log: how the trajectory is read.
         out: the folder of the results.
         names: the files that the command may write there.
-        later: what else the command reads, names of files or not.
+        later: other inputs of the command; strings that name no file are ignored.
     """
     from pinfric.model.files import check_writable
     from pinfric.model.inputs import note_input
@@ -162,7 +161,7 @@ def load(
 
 
 def question_loads(scene: Scene) -> None:
-    """Warn of payloads and missing masses that make efforts wrong by a multiple."""
+    """Warn of payloads and missing masses that would make efforts wrong by a multiple."""
     from pinfric.checking.scene import load_findings
 
     for finding in load_findings(scene):
@@ -170,7 +169,7 @@ def question_loads(scene: Scene) -> None:
 
 
 def load_motion_of(scene: Scene, trajectory_name: str, log: ReadingOptions) -> Trajectory:
-    """Read a trajectory of a scene; its warnings are notices (`warnings_as_notices`)."""
+    """Read a trajectory of a scene."""
     from pinfric.motions.trajectory import load_trajectory
 
     trajectory = load_trajectory(trajectory_name, scene, log)
@@ -181,10 +180,10 @@ def load_motion_of(scene: Scene, trajectory_name: str, log: ReadingOptions) -> T
 
 
 def pairs(given: Sequence[str] | None, option: str, kind: Callable[[str], Any]) -> dict[str, Any]:
-    """Return what an option gives as NAME=VALUE, by name; numbers may be listed: A=1,B=2.
+    """Return an option's NAME=VALUE by name; numbers may be listed: A=1,B=2.
 
     Raises:
-        typer.BadParameter: no such pair, or a value that is not of the kind.
+        typer.BadParameter: not such a pair, or a value of another kind.
     """
     from pinfric.model.csv_text import number_of
 
@@ -204,10 +203,10 @@ def pairs(given: Sequence[str] | None, option: str, kind: Callable[[str], Any]) 
 
 
 def xacro_arguments(given: Sequence[str] | None) -> dict[str, str]:
-    """Return what `--xacro-arg` gives as NAME:=VALUE, by name.
+    """Return `--xacro-arg`'s NAME:=VALUE by name.
 
     Raises:
-        typer.BadParameter: no such pair.
+        typer.BadParameter: not such a pair.
     """
     values = {}
     for text in given or ():
@@ -219,9 +218,10 @@ def xacro_arguments(given: Sequence[str] | None) -> dict[str, str]:
 
 
 def weighted(text: str) -> tuple[str, float]:
-    """Return the file and the number of FILE:NUMBER; 1 where no number stands behind a colon.
+    """Return the file and the number of FILE:NUMBER (FILE may be SCENE:FILE); without a number 1.
 
-    The file may be SCENE:FILE.
+    Raises:
+        typer.BadParameter: an existing FILE is followed by something that is no number.
     """
     from pinfric.model.csv_text import number_of
 
@@ -239,7 +239,7 @@ def weighted(text: str) -> tuple[str, float]:
 
 
 def inputs() -> list[str | Path]:
-    """Return the files that this command read, but for shapes, and files of a folder it names."""
+    """Return the files that this command read, without shapes and those in a folder it names."""
     from pinfric.model.inputs import running
 
     folders = {Path(name).resolve() for name in run.read if name and Path(name).is_dir()}
@@ -282,19 +282,19 @@ def answer(
     scene: str = "",
     outdated: Iterable[str] = (),
 ) -> None:
-    """Write what a command found into a folder, all files or none, and print it.
+    """Print what a command computed, and write its files into a folder, all or none.
 
     Args:
         command: its name.
-        result: described; as JSON, in its envelope, it is among the files.
+        result: described; its JSON in its envelope is one of the files.
         report: makes the tables.
         as_json: print the JSON, not the tables.
-        out: the folder; None writes none of the `files`.
+        out: the folder; None writes nothing.
         files: name -> what writes it.
-        verdict: makes the line that --quiet prints in place of the tables; None: it prints them.
-        name: of the JSON there.
+        verdict: makes the line that --quiet prints instead of the tables; None: the tables.
+        name: of the JSON file.
         scene: its file.
-        outdated: names of files that do not stay of an earlier run, where this one has none.
+        outdated: names of files of an earlier run to delete if this run does not write them.
     """
     from pinfric.show.report.envelope import envelope
 
@@ -321,7 +321,7 @@ def answer(
 
 @contextmanager
 def _repeated(line: Callable[[], str]) -> Iterator[None]:
-    """Say a line each `PERIOD` s from a thread, but while kernels compile: they say their own."""
+    """Say a line each `PERIOD` s from a thread; not while kernels compile, which say their own."""
     done = threading.Event()
 
     def tell() -> None:
@@ -338,7 +338,7 @@ def _repeated(line: Callable[[], str]) -> Iterator[None]:
 
 @contextmanager
 def working(what: str) -> Iterator[None]:
-    """Show that something takes its time: on a terminal at once, else in a line each 10 s."""
+    """Show that something takes time: on a terminal at once, else in a line each 10 s."""
     if not sys.stderr.isatty():
         began = time.monotonic()
         with _repeated(lambda: f"{what}: {time.monotonic() - began:.0f} s so far"):
@@ -352,7 +352,7 @@ def working(what: str) -> Iterator[None]:
 
 @contextmanager
 def progress(what: str) -> Iterator[Callable[[int, int], None]]:
-    """Give a function of what is done and of all there is to do; on a terminal it draws a bar."""
+    """Give a function of the counts done and in total; on a terminal it draws a bar."""
     if not sys.stderr.isatty():
         counts = deque([(0, 0)], maxlen=1)
         with _repeated(lambda: f"{what}: {counts[-1][0]} of {counts[-1][1] or '?'} done"):
@@ -368,13 +368,13 @@ def progress(what: str) -> Iterator[Callable[[int, int], None]]:
 
 
 def as_text(content: Mapping[str, Any]) -> str:
-    """Return a dictionary as the JSON that is printed and written; bytes of no UTF-8 escaped."""
+    """Return JSON as printed and written; surrogates (bytes that are not UTF-8) are escaped."""
     text = json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False)
     return re.sub("[\ud800-\udfff]", lambda half: f"\\u{ord(half[0]):04x}", text)
 
 
 def print_line(text: str) -> None:
-    """Print and flush: a reader that has gone (`| head`) shows here, not at the program's end."""
+    """Print and flush; exit here, not at the program's end, if the reader has gone (`| head`)."""
     try:
         print(text, flush=True)
     except BrokenPipeError:
@@ -383,13 +383,13 @@ def print_line(text: str) -> None:
 
 
 def say(text: str, *, error: bool = False) -> None:
-    """Tell in one line what goes on, beside the results; with --quiet errors only."""
+    """Print one line on stderr, beside the results; with --quiet errors only."""
     if error or not run.quiet:
         print(f"pinfric: {one_line(text)}", file=sys.stderr)
 
 
 def facts(started: float) -> None:
-    """Say which files a command read, with which versions it computed, and how long it took.
+    """Say which files a command read, the versions, and how long it took.
 
     Args:
         started: `time.perf_counter()` at its beginning, s.
@@ -412,7 +412,7 @@ def notice(text: str) -> None:
 
 @contextmanager
 def warnings_as_notices() -> Iterator[None]:
-    """Within, a `PinfricWarning` is a notice; others' warnings are shown as Python does."""
+    """Within, show a `PinfricWarning` as a notice, other warnings as Python does."""
     with warnings.catch_warnings():
         as_python_does = warnings.showwarning
 
