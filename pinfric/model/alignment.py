@@ -1,11 +1,9 @@
 """Correction of rounded mechanisms: axes of loops become exactly parallel or perpendicular.
 
-A planar mechanism whose pins are 1e-9 rad off parallel cannot close exactly: its loop has redundant
-equations that contradict each other. Files round `rpy` to 1e-6 to 1e-9. So, link by link along a
-loop's path, two axes on one link that are parallel or perpendicular within a tolerance are made
-exactly so. (Their angle is Denavit and Hartenberg's link twist, the same in every configuration.)
-All that the later axis carries is turned. Then frame b of each loop is shifted by the constant gap
-that remains, the sum of the rounded offsets.
+A planar mechanism whose pins are 1e-9 rad off parallel cannot close exactly, because its loop has
+redundant equations; files round `rpy` to 1e-6 to 1e-9. So two axes on one link of a loop that are
+parallel or perpendicular within a tolerance are made exactly so. Then frame b of each loop is
+shifted by the constant gap that remains.
 """
 
 from __future__ import annotations
@@ -35,11 +33,10 @@ class Alignment:
     """A model and its loops with axes made parallel and perpendicular.
 
     Attributes:
-        model: a copy where joints were turned.
-        loops: with frames turned.
-        turned: name of each joint or loop that was turned by more than rounding -> angle, rad.
-        doubts: loop -> axes that are nearly parallel or perpendicular but outside the tolerance;
-            for the message if the loop cannot close.
+        model, loops: copies with turned joints and frames.
+        turned: joint or loop -> angle by which it was turned (rad), if more than rounding.
+        doubts: loop -> text on axes just outside the tolerance, for the error if the loop cannot
+            close.
     """
 
     model: pin.Model
@@ -53,14 +50,9 @@ def align_axes(
 ) -> Alignment:
     """Make nearly parallel or perpendicular axes on the links of loops exactly so.
 
-    For an axis d beside earlier axes e on its link: d = +-e where |d x e| <= tolerance, else d
-    without its part in the span of those with |d.e| <= tolerance, its length restored.
-
-    Args:
-        model: the robot; stays as it is.
-        loops: of the scene.
-        tolerance: `angle` counts.
-        source: the scene, for messages.
+    An axis d beside earlier axes e on its link becomes +-e where |d x e| <= `tolerance.angle`; else
+    its part in the span of those with |d.e| <= `tolerance.angle` is removed and its length
+    restored. What the joint carries turns with it.
 
     Raises:
         SceneError: a loop on an unknown link, or with an axis of length zero.
@@ -102,7 +94,7 @@ def align_axes(
 
 
 class _Links:
-    """The axes that links carry along the loops' paths; those joined by slides turn as one.
+    """The axes that links carry along the loops' paths; links joined by sliding joints turn as one.
 
     Attributes:
         axes: link -> names and axes (3,), in the frame of its joint; -1 is the ground.
@@ -118,16 +110,16 @@ class _Links:
         self._joined: dict[int, tuple[int, np.ndarray]] = {}
 
     def join(self, link: int, other: int, R: np.ndarray) -> None:
-        """Let a link turn with another, R (3, 3) from its frame to the other's."""
+        """Let a link turn with another; R (3, 3) is from its frame to the other's."""
         root, further = self._joined.get(other, (other, np.eye(3)))
         self._joined[link] = root, further @ R
 
     def turn(self, link: int, of: int, name: str, axis: np.ndarray) -> np.ndarray:
-        """Return the least rotation that aligns an axis with those of its link, and keep it there.
+        """Return the least rotation that aligns an axis with those of its link, and record it.
 
         Args:
             link: row of the joint that carries it, -1 for the ground.
-            of: row of the joint it belongs to; of a loop, its row counted from the end.
+            of: row of the joint it belongs to; of a loop, its row minus the number of loops.
             name: of that joint or loop.
             axis: (3,) in the frame of the link's joint.
         """
@@ -163,7 +155,7 @@ class _Links:
 def _nearest_aligned(
     axis: np.ndarray, others: Sequence[np.ndarray], tolerance: float
 ) -> np.ndarray:
-    """The unit vector nearest to one that is parallel or perpendicular to those it nearly is."""
+    """The nearest unit vector that is parallel or perpendicular to the axes it nearly is."""
     for e in others:
         if np.linalg.norm(np.cross(axis, e)) <= tolerance:
             return np.copysign(1.0, axis @ e) * e
@@ -175,7 +167,7 @@ def _nearest_aligned(
 
 
 def _joint_axis(model: pin.Model, joint: pin.JointModel) -> np.ndarray | None:
-    """The unit axis of a one-degree joint, a planar joint's normal; None where there is none."""
+    """The unit axis of a one-degree joint, or a planar joint's normal; None for other joints."""
     if joint.shortname() == "JointModelPlanar":
         return np.array([0.0, 0.0, 1.0])
     if joint.nv != 1:
@@ -191,14 +183,12 @@ def shift_frames(
 ) -> tuple[tuple[Loop, ...], float]:
     """Shift frame b of each loop by the constant gap that no motion closes.
 
-    Args:
-        twin, linkage: of the scene; the loops are `linkage.loops`.
-        start: (nq,) where to look for closed configurations first.
-        tolerance: the largest gap that is shifted away.
+    The search for closed configurations begins at `start` (nq,); `tolerance` is the largest gap
+    that is shifted away.
 
     Returns:
-        The loops, and the largest shift (m, or rad times the mechanism's size): 0 where they close
-        by themselves, and where shifting does not close them.
+        The loops, and the largest shift (m, or rad times the mechanism's size); 0 if they close
+            without a shift or not even with one.
     """
     most = np.where(linkage.turning, tolerance.angle * linkage.size, tolerance.length)
     near: list[np.ndarray] = []
@@ -239,7 +229,7 @@ def _shifted(twin: Twin, linkage: Linkage, q: np.ndarray) -> Linkage:
 
 
 def _entry(model: pin.Model, entry: LinkFrame, frame: pin.SE3) -> LinkFrame:
-    """A loop's side whose frame is at a place in the frame of the joint that carries its link."""
+    """A loop's side whose frame has this pose in the frame of the joint that carries its link."""
     local = model.frames[link_frame(model, entry.link)].placement.actInv(frame)
     xyz, rpy = local.translation.tolist(), pin.rpy.matrixToRpy(local.rotation).tolist()
     return entry.model_copy(update={"xyz": tuple(xyz), "rpy": tuple(rpy)})

@@ -27,14 +27,9 @@ _OTHERS = {
 
 
 def real_numbers(name: str, given: Any, error: type[PinfricError] = StateError) -> np.ndarray:
-    """Return a C-ordered array of float64 (the given one, if it is one), or refuse it.
+    """Return a C-ordered array of float64 (the given one, if it is one), or raise `error`.
 
     NumPy alone would drop imaginary parts, and read True as 1 and "2" as 2.
-
-    Args:
-        name: for the message.
-        given: real numbers in any shape.
-        error: what is raised.
     """
     if type(given) is np.ndarray and given.dtype is _FLOAT and given.flags.c_contiguous:
         return given
@@ -50,11 +45,7 @@ def real_numbers(name: str, given: Any, error: type[PinfricError] = StateError) 
 
 
 def flags(name: str, given: Any) -> np.ndarray:
-    """Return an array of bool from one of bool, or of numbers 0 and 1.
-
-    Raises:
-        StateError: anything else.
-    """
+    """Return an array of bool from bools or numbers 0 and 1; raise StateError for anything else."""
     array = given if isinstance(given, np.ndarray) and given.dtype == bool else np.asarray(given)
     if array.dtype != bool:
         array = real_numbers(name, given)

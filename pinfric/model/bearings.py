@@ -1,13 +1,12 @@
 """Bearings: from the wrench that a joint transmits to the normal load of its friction.
 
-A bearing kind is one class: its keys in the scene file, its checks, and its terms. Friction effort
-= mu c with the load a sum of norms,
+Friction is mu c with the load
 
     c = sum_i |(B_i + s C_i) w| + constant
 
-of the wrench w of the parent on the child (force F, moment M) in axes whose z is the joint's axis,
-s the child's displacement along it. So c is convex in the wrench, and zero only without contact
-forces. Its unit is N m for a joint that turns, N for one that slides.
+a sum of norms of the wrench w of the parent on the child (force F, moment M), in axes whose z is
+the joint's axis; s is the child's displacement along it. So c is convex in w. It is in N m for a
+joint that turns, in N for one that slides.
 """
 
 from __future__ import annotations
@@ -65,7 +64,7 @@ class LoadTerms(NamedTuple):
 
     Attributes:
         maps: (n, 3, 6) B of each term, made by `norm_of`; w in axes whose z is the joint's axis.
-        moved: C of each term; empty where nothing depends on the displacement.
+        moved: C of each term; empty if the load does not depend on the displacement.
         constant: N m for a joint that turns, N for one that slides.
     """
 
@@ -75,19 +74,15 @@ class LoadTerms(NamedTuple):
 
 
 def norm_of(*rows: np.ndarray) -> np.ndarray:
-    """Return the map (3, 6) whose image has these rows (6,) of the wrench as components."""
+    """Return the map (3, 6) from a wrench to a vector with these rows (6,) as components."""
     return np.vstack([*rows, *np.zeros((3 - len(rows), 6))])
 
 
 def two_ends(length: float, middle: float) -> list[np.ndarray]:
-    """Return the maps of the end forces F_r/2 +- M_b x k/length of a bearing of finite length.
+    """Return the maps of the end forces F_r/2 +- M_b x k/length of a bearing (paper's Fig. 3).
 
-    F_r is the force across the axis k, M_b the moment across it about the bearing's middle (the
-    paper's Fig. 3).
-
-    Args:
-        length: m.
-        middle: of the bearing, along the axis from the joint's origin (m).
+    F_r is the force across the axis k, M_b the moment across it about the bearing's middle, which
+    is `middle` (m) from the joint's origin along the axis.
     """
     bending_x, bending_y = MX + middle * FY, MY - middle * FX
     couple = norm_of(bending_y, -bending_x) / length
@@ -96,8 +91,6 @@ def two_ends(length: float, middle: float) -> list[np.ndarray]:
 
 class Bearing(Entry):
     """Base class of all kinds of bearing; it reads the key `bearing:` as one of them.
-
-    A subclass with the decorator `bearing_kind` is a new kind; nothing else is edited for it.
 
     Attributes:
         kind: its name in the scene file, a `Literal` of one word in each subclass.
@@ -402,7 +395,7 @@ class Contacts(NamedTuple):
 
     Attributes:
         site: (nt,) the site of each term, ascending.
-        rank: (nt,) number of rows of B and C that are used: the first ones.
+        rank: (nt,) how many rows of B and C are used, from the first.
         map, map_moved: (nt, 3, 6) B and C, for wrenches in the child's joint frame.
         moves: (ns,) bool, whether the load depends on the displacement s.
         constant: (ns,) N m or N.
@@ -420,7 +413,7 @@ def contacts(bearings: Sequence[Bearing | None], axes: Sequence[np.ndarray]) -> 
     """Return the nonzero terms of all sites, in the joints' frames.
 
     Args:
-        bearings: of each site; None is a site without one.
+        bearings: of each site, None without a bearing.
         axes: (3,) each, unit joint axis in the child's frame.
     """
     site, maps, moved = [], [], []
@@ -459,11 +452,7 @@ def contacts(bearings: Sequence[Bearing | None], axes: Sequence[np.ndarray]) -> 
 
 
 def axes_along(axis: np.ndarray) -> np.ndarray:
-    """Return a rotation (3, 3) that turns `axis` into z; its rows are unit axes x, y and `axis`.
-
-    Args:
-        axis: (3,) unit vector.
-    """
+    """Return a rotation (3, 3) whose rows are unit axes x, y and `axis` (3,), a unit vector."""
     y = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
     y /= np.linalg.norm(y)
     return np.stack([np.cross(y, axis), y, axis])
@@ -481,9 +470,9 @@ def normal_loads(
 
     Args:
         wrench: (n, nj, 6), parent on child in the child's joint frame, linear first.
-        joint: (ns,) row of the joint at which each site sits.
+        joint: (ns,) row of each site's joint.
         contacts: `contacts`.
-        displacement: (n, ns), position of the child along the axis; read only where `moves`.
+        displacement: (n, ns), of the child along the axis; read only where `moves`.
         load: (n, ns), overwritten.
     """
     for i in range(wrench.shape[0]):

@@ -33,7 +33,7 @@ class HoldingBrake(Entry):
 
     @property
     def greatest(self) -> float:
-        """The largest torque, N m: `torque_max`, or 2 times `holds` where it is not known."""
+        """The largest torque, N m: `torque_max`, or `BRAKE_PEAK` times `holds` if not known."""
         return self.torque_max or BRAKE_PEAK * self.holds
 
     @property

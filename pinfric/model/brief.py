@@ -13,7 +13,7 @@ _NAME = 60
 
 
 def screen(kind: str, title: str, facts: Mapping[str, str]) -> str:
-    """Return a title and a line or two per fact, in 100 columns, without empty facts."""
+    """Return a title and a line or two for each fact that is not empty, in 100 columns."""
     shown = {name: text for name, text in facts.items() if text}
     width = max(map(len, shown), default=0)
     lines = textwrap.wrap(f"{kind} {title}", _WIDTH, max_lines=_LINES, placeholder=" …")
@@ -36,7 +36,7 @@ def file_name(source: str) -> str:
 
 
 def listed(names: Sequence[str], values: Iterable[str] = (), room: int = 150) -> str:
-    """Return "7: a, b, …, g", with `values` "2: a 1.5, b 2"; a long list keeps its last name."""
+    """Return "7: a, b, …, g", or "2: a 1.5, b 2" with `values`; a long list keeps its last name."""
     values = list(values)
     items = [f"{n} {v}" for n, v in zip(names, values, strict=True)] if values else list(names)
     items = [item if len(item) <= 70 else f"{item[:69]}…" for item in items]
@@ -51,5 +51,5 @@ def listed(names: Sequence[str], values: Iterable[str] = (), room: int = 150) ->
 
 
 def counted(count: int, noun: str, several: str = "") -> str:
-    """Return "1 joint", "2 joints"; `several` is the plural where an s is not enough."""
+    """Return "1 joint" or "2 joints"; `several` is an irregular plural."""
     return f"{count} {noun if count == 1 else several or f'{noun}s'}"

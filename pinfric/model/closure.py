@@ -2,8 +2,8 @@
 
     Phi(q) = 0,     J_c v = 0,     J_c a + Jdot_c v = 0          (paper eq. 2, 5, 6)
 
-with Phi the gaps along the multipliers. Newton's method closes the loops. Full pivoting of J_c, the
-paper's rank-revealing choice, determines which joints are independent.
+Phi are the gaps along the multipliers. Full pivoting of J_c, the paper's rank-revealing choice,
+determines which joints are independent.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ class LoopState:
 
 
 def tree_tables(twin: Twin) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return parents' rows and the fixed placements of all joints, as the kernels take them."""
+    """Return parents' rows and fixed placements of all joints, as `place_links` takes them."""
     if "tree" not in twin.pools:
         model = twin.model
         joints = range(1, model.njoints)
@@ -84,14 +84,14 @@ def actions_of(twin: Twin, linkage: Linkage) -> Actions:
 def loop_state(
     twin: Twin, linkage: Linkage, q: np.ndarray, v: np.ndarray, a: np.ndarray
 ) -> LoopState:
-    """Return how far apart the frames of each pair are and how that changes, (n, nq), (n, nv)."""
+    """Return how pairs relate at q (n, nq) with v and a (n, nv)."""
     return embedded_state(twin, linkage, *embedded(twin, q, v, a))
 
 
 def embedded_state(
     twin: Twin, linkage: Linkage, q_twin: np.ndarray, v_twin: np.ndarray, a_twin: np.ndarray
 ) -> LoopState:
-    """Return `loop_state` of the twin's states, see `embedded`."""
+    """Return `loop_state` from the twin's states, see `embedded`."""
     n, nj, (parents, *placement) = len(q_twin), twin.n_joints, tree_tables(twin)
     p, R = np.empty((n, nj, 3)), np.empty((n, nj, 3, 3))
     velocity, acceleration = np.zeros((n, nj, 6)), np.zeros((n, nj, 6))
@@ -104,7 +104,7 @@ def embedded_state(
 def _related(
     twin: Twin, linkage: Linkage, p: np.ndarray, R: np.ndarray, *rates: np.ndarray
 ) -> LoopState:
-    """How pairs relate where links are at p, R and have these velocities and accelerations."""
+    """How pairs relate for these poses, velocities and accelerations of the links."""
     n, nx, pairs = len(p), len(linkage.column_pair), len(linkage.pair_kind)
     gap, rate, derivative = (np.empty((n, nx)) for _ in range(3))
     tilt, scale = np.empty((n, pairs)), np.empty((n, pairs, 2))
@@ -134,18 +134,13 @@ def closure_jacobian(twin: Twin, linkage: Linkage, q: np.ndarray) -> np.ndarray:
 def close(
     twin: Twin, linkage: Linkage, q_guess: np.ndarray, held: np.ndarray, sample: int = 0
 ) -> np.ndarray:
-    """Return the configuration near a guess that closes every loop: Newton on Phi(q) = 0.
+    """Return the configuration (nq,) near a guess that closes every loop: Newton on Phi(q) = 0.
 
-    Joints that stand still in the linkage (`loops.stand_still`) keep their positions.
-
-    Args:
-        twin, linkage: the robot and its loops.
-        q_guess: (nq,) where to start.
-        held: (nv,) bool, velocities whose joints stay where the guess has them.
-        sample: its number, for the error.
+    Joints that stand still in the linkage (`loops.stand_still`) and joints whose velocities are
+    `held` (nv,) keep their positions.
 
     Raises:
-        ClosureError: no step brings the frames nearer, and they are still apart.
+        ClosureError: no step brings the frames nearer, and they are still apart; names `sample`.
     """
     q, gap = approach(twin, linkage, q_guess, held)
     worst = int(np.argmax(np.abs(gap))) if gap.size else 0
@@ -186,7 +181,7 @@ def approach(
 def _gap(twin: Twin, linkage: Linkage, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """(nc,) gaps, rotations times the mechanism's size, and their Jacobian (nc, nv).
 
-    Of one configuration Pinocchio's own poses are at hand sooner than those of a batch.
+    For one configuration Pinocchio's poses are faster than the batch kernels.
     """
     data, *placed = twin.poses()
     pin.forwardKinematics(twin.model, data, q)
@@ -200,13 +195,10 @@ def _gap(twin: Twin, linkage: Linkage, q: np.ndarray) -> tuple[np.ndarray, np.nd
 
 
 def full_pivot(A: np.ndarray, scale: float = 0.0) -> tuple[int, list[int]]:
-    """Return the rank of A (m, n) and its columns in the order of full pivoting, dependent first.
+    """Return the rank of A (m, n) and its columns in the order of full pivoting.
 
-    The paper's choice (eq. 5): the first `rank` columns are the dependent coordinates.
-
-    Args:
-        A: (m, n).
-        scale: size of the terms that A's entries are sums of: what is small beside it is zero.
+    The first `rank` columns are the dependent coordinates (paper eq. 5). `scale` is the size of the
+    terms that A's entries are sums of; what is small beside it counts as zero.
     """
     A = np.array(A, dtype=float)
     columns = list(range(A.shape[1]))
@@ -224,7 +216,7 @@ def full_pivot(A: np.ndarray, scale: float = 0.0) -> tuple[int, list[int]]:
 
 
 def velocity_names(model: pin.Model) -> list[str]:
-    """Return a name for every velocity: its joint's, with a number where a joint has several."""
+    """Return a name for every velocity: its joint's, with an index where a joint has several."""
     names = []
     for name, joint in zip(tuple(model.names)[1:], list(model.joints)[1:], strict=True):
         if joint.nv and joint.shortname() != "JointModelMimic":
@@ -233,7 +225,7 @@ def velocity_names(model: pin.Model) -> list[str]:
 
 
 def velocity_indices(model: pin.Model, joints: Sequence[str], where: str) -> np.ndarray:
-    """Return where the velocities of the named joints are.
+    """Return the indices of the named joints' velocities, ascending.
 
     Raises:
         SceneError: an unknown name.
@@ -256,13 +248,9 @@ def closed_configurations(
     doubts: Mapping[str, str],
     wanted: int = 3,
 ) -> list[np.ndarray]:
-    """Return several closed configurations: the one at the start and others, as it may be special.
+    """Return several closed configurations, because one alone may be singular.
 
-    Args:
-        twin, linkage: the robot and its loops.
-        start: (nq,) a configuration near which the loops close.
-        source, doubts: see `mobility.mobility_of_linkage`.
-        wanted: how many.
+    The search begins at `start` (nq,); `source` and `doubts` as in `mobility.mobility_of_linkage`.
 
     Raises:
         SceneError: a loop that cannot close.
@@ -293,7 +281,7 @@ def closed_configurations(
 
 
 def guesses(model: pin.Model, start: np.ndarray) -> Iterator[np.ndarray]:
-    """Yield 30 configurations: the one at the start, some near it, and some anywhere."""
+    """Yield 30 configurations: the start, some near it, and some anywhere."""
     rng = np.random.default_rng(0)
     for attempt in range(30):
         reach = 0.0 if attempt == 0 else 0.3 if attempt < 8 else 2.0

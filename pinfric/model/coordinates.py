@@ -9,18 +9,13 @@ import pinocchio as pin
 
 
 def one_number(joint: Any, q: np.ndarray) -> np.ndarray:
-    """Return (T,) the angle (unwrapped) or length of a joint with one degree of freedom.
-
-    Args:
-        joint: of the model; a continuous one has cos and sin in q.
-        q: (T, nq).
-    """
+    """Return (T,) the angle (unwrapped) or length of a one-degree joint, from q (T, nq)."""
     first = q[:, joint.idx_q]
     return first if joint.nq == 1 else unwrapped_angle(first, q[:, joint.idx_q + 1])
 
 
 def from_angles(model: pin.Model, width: int) -> str:
-    """Return how q is made from one number per joint, or "" where q is not as wide as v."""
+    """Return a hint on how to make q from one number per joint, "" if q is not wider than v."""
     turning = [n for n, j in zip(model.names, model.joints, strict=True) if (j.nq, j.nv) == (2, 1)]
     if width != model.nv or not turning:
         return ""
@@ -40,12 +35,8 @@ def motion_columns(
 ) -> dict[str, np.ndarray]:
     """Return columns `<joint>.q`, then all `.v`, then all `.a`, as `load_trajectory` reads them.
 
-    A joint with several degrees of freedom has a column for each entry, `<joint>.q[0]` and so on;
-    a mimic follower has none, its leader's column moves both.
-
-    Args:
-        model: the robot.
-        q, v, a: (T, nq), (T, nv), (T, nv).
+    A joint with several degrees of freedom has a column for each entry, `<joint>.q[0]` and so on; a
+    mimic follower has none. q is (T, nq), v and a are (T, nv).
     """
     columns: dict[str, np.ndarray] = {}
     moving = [

@@ -2,9 +2,9 @@
 
     s = q_own + sum_j c_j q_j,     motor speed = ratio ds/dt,     ds/dt = S v,     tau = S^T u
 
-S is a constant matrix. The effort u of a drive does work on its rate S v, so by the transpose it
-acts on every joint that turns it (Siciliano et al., Robotics, 2009, 8.1; for wrists Gautier and
-Khalil's identification of arms, where friction follows the motor's speed).
+The effort u of a drive does work on its rate S v (S is constant), so it acts on every joint that
+turns the drive (Siciliano et al., Robotics, 2009, 8.1; for wrists Gautier and Khalil's
+identification of arms, where friction follows the motor's speed).
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ _SINGULAR = 1e-9
 
 
 def rate_rows(drives: Sequence[Drive], nv: int) -> np.ndarray:
-    """Return S (na, nv): the rate of each drive per unit velocity; 0 of drives off the joints."""
+    """Return S (na, nv): the rate of each drive per unit velocity; 0 for drives off the joints."""
     S = np.zeros((len(drives), nv))
     for d, drive in enumerate(drives):
         for v, factor in ((drive.velocity_index, 1.0), *drive.couples):
@@ -32,12 +32,10 @@ def rate_rows(drives: Sequence[Drive], nv: int) -> np.ndarray:
 
 
 def drive_rates(drives: Sequence[Drive], v: np.ndarray, along: np.ndarray) -> np.ndarray:
-    """Return the rates of drives (n, na), rad/s or m/s: S v, or along their actions.
+    """Return the rates of drives (n, na), rad/s or m/s: S v, or those along actions off the joints.
 
-    Args:
-        drives: of a scene.
-        v: (n, nv) velocities; accelerations give the rates' derivatives.
-        along: (n, nx) the same along the actions of the linkage; (n, 0) where there is none.
+    v (n, nv) are velocities, and `along` (n, nx) the rates along the linkage's actions;
+    accelerations give the rates' derivatives.
     """
     rates = np.empty((len(v), len(drives)))
     for d, drive in enumerate(drives):
@@ -49,7 +47,7 @@ def drive_rates(drives: Sequence[Drive], v: np.ndarray, along: np.ndarray) -> np
 
 
 def taking_part(drives: Sequence[Drive]) -> list[int]:
-    """Return the places of the drives that couple joints, and of those on the joints coupled."""
+    """Return the indices of the drives that couple joints, and of those on the joints coupled."""
     named = {v for drive in drives for v, _ in drive.couples}
     return [d for d, drive in enumerate(drives) if drive.couples or drive.velocity_index in named]
 
@@ -57,8 +55,7 @@ def taking_part(drives: Sequence[Drive]) -> list[int]:
 def delivery(drives: Sequence[Drive], nv: int) -> np.ndarray:
     """Return P (na, na): drives deliver u = P tau, with tau (na,) the efforts of their own joints.
 
-    tau = C^T u with C the columns of S that belong to the drives' joints; (0, 0) where no drive
-    is coupled.
+    tau = C^T u with C the columns of S that belong to the drives' joints. Without couples (0, 0).
     """
     here = taking_part(drives)
     if not here:
@@ -77,7 +74,7 @@ def reaches(drives: Sequence[Drive], nv: int) -> np.ndarray:
 
 
 def mixed(drives: Sequence[Drive], nv: int) -> np.ndarray:
-    """Return the drives (na,) on which friction of other joints than their own acts."""
+    """Return (na,) bool: the drives on which friction of other joints than their own acts."""
     felt = reaches(drives, nv)
     return np.array(
         [bool(drive.couples) or felt[:, drive.velocity_index].sum() > 1 for drive in drives],
@@ -88,18 +85,13 @@ def mixed(drives: Sequence[Drive], nv: int) -> np.ndarray:
 def deliver_interval(
     P: np.ndarray, lower: np.ndarray, upper: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the least and greatest u = P tau (n, na) for all tau from `lower` to `upper`."""
+    """Return the least and greatest u = P tau (n, na) over all tau from `lower` to `upper`."""
     ahead, back = np.maximum(P, 0.0).T, np.minimum(P, 0.0).T
     return lower @ ahead + upper @ back, upper @ ahead + lower @ back
 
 
 def check_couples(drives: Sequence[Drive], names: Sequence[str], source: str) -> None:
-    """Refuse couples that do not determine the efforts.
-
-    Args:
-        drives: all of a scene.
-        names: (nv,) of the velocities.
-        source: the scene, for messages.
+    """Refuse couples that do not determine the efforts; `names` (nv,) are those of the velocities.
 
     Raises:
         SceneError: a coupled joint without a drive of its own, or with several; motors whose speeds

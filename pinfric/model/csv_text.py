@@ -1,4 +1,4 @@
-"""How a table of text separates its cells: one rule for logs, catalogues, and efforts over time."""
+"""Cells of text tables: one rule for logs, catalogues, and efforts over time."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ from pinfric.model.yamlfile import NOT_UTF_8, bounded, brief_path
 
 
 def separator_of(line: str) -> str:
-    """Return the mark that separates a line's cells; a space where there is no other."""
+    """Return the mark that separates a line's cells; a space if there is no other."""
     mark = max("\t;,", key=lambda x: (line.count(x), x == ","))
     return mark if mark in line else " "
 
 
 def number_of(cell: str) -> float:
-    """Return a cell's number; as in a URDF, digits are those of ASCII, and none stand for others.
+    """Return a cell's number; as in a URDF only ASCII digits count, without underscores.
 
     Raises:
-        ValueError: it is none.
+        ValueError: the cell is no such number.
     """
     if not cell.isascii() or "_" in cell:
         raise ValueError(f"could not convert string to float: {cell!r}")
@@ -27,7 +27,7 @@ def number_of(cell: str) -> float:
 
 
 def cells_of(line: str, separator: str) -> list[str]:
-    """Return a line's cells, their quotes off."""
+    """Return a line's cells without their quotes."""
     if separator == " ":
         return line.split()
     if '"' not in line:
@@ -38,17 +38,12 @@ def cells_of(line: str, separator: str) -> list[str]:
 def read_table(
     path: Path, error: type[PinfricError], where: str = ""
 ) -> tuple[str, list[str], list[tuple[int, list[str]]]]:
-    """Return a small table: its separator, its header, and (line, cells) of rows not blank.
+    """Return a small table: its separator, its header, and (line number, cells) of filled rows.
 
-    Comments above the header are passed over.
-
-    Args:
-        path: the file.
-        error: of what is refused.
-        where: what a message names; empty: the file.
+    Comments above the header are skipped. Messages name `where`, or else the file.
 
     Raises:
-        PinfricError: `error`: unreadable, too large, not text.
+        PinfricError: as `error`: unreadable, too large, not text.
     """
     where = where or brief_path(path)
     try:

@@ -5,9 +5,9 @@
         unit: str = quantity('of every effort here, "N m" or "N"')
         peak: float = quantity("max |u|", EFFORT, "peak")
 
-JSON and its schema, tables on the terminal and on pages, columns of a DataFrame, the docstring's
-attributes and the reference are made from these fields. To include a property, write `@derived`
-below `@property`; its docstring is then its meaning.
+JSON and its schema, tables, columns of a DataFrame, the docstring's attributes and the reference
+are made from these fields. `@derived` below `@property` includes a property; its docstring is its
+meaning.
 """
 
 from __future__ import annotations
@@ -42,13 +42,13 @@ class Quantity(NamedTuple):
 
     Attributes:
         meaning: for docstring, schema and reference.
-        unit: SI; "N m or N" is that of the row's joint, "in motor_unit" that which the row's field
-            of this name says: see `unit_of`. Empty: none.
-        heading: of its column; empty: it is in no table. "*": a part whose fields stand in its
-            place, "peak *" with this line above their headings. "{} %": of a mapping, a column a
+        unit: SI, or empty; "N m or N" depends on the row's joint, "in motor_unit" on the row's
+            field `motor_unit`: see `unit_of`.
+        heading: of its column; empty: in no table. "peak *" (of a nested result): its fields become
+            columns, with this line above their headings. "{} %" (of a mapping): a column for each
             key.
-        cell: what its column shows where that is more than the number: "{least} to {most}" of the
-            row's fields, each with a display unit: "{share:%}", "{sag:mm}".
+        cell: format of its cells: "{least} to {most}" of the row's fields, with a display unit:
+            "{share:%}", "{sag:mm}"; empty: the number.
         name: whether it is a name, which tables may shorten.
     """
 
@@ -82,7 +82,7 @@ def between(least: str, most: str, display: str = "") -> str:
 
 
 def derived(unit: str = "", heading: str = "", cell: str = "") -> Callable[[_Method], _Method]:
-    """Let a property be a figure of its class's result: JSON, tables and schema have it."""
+    """Include a property in the class's JSON, tables and schema, as a field is."""
 
     def mark(method: _Method) -> _Method:
         meaning = " ".join((method.__doc__ or "").split()).removesuffix(".")
@@ -113,7 +113,7 @@ def described(made: _Class) -> _Class:
 
 
 def gathered(kind: Callable[..., _Result], source: Any, **own: Any) -> _Result:
-    """Return a described result: fields as given, all others as the source has them by name."""
+    """Return a described result: fields as given, others from the source's attributes by name."""
     names = [entry.name for entry in dataclasses.fields(kind) if entry.name not in own]  # type: ignore[arg-type]
     return kind(**{name: getattr(source, name) for name in names}, **own)
 
@@ -134,11 +134,9 @@ def quantities(kind: type) -> dict[str, Quantity]:
 
 
 def unit_at(unit: str, effort: str) -> str:
-    """Return a unit at one joint: of "N m or N" the first where its effort is in N m.
+    """Return a unit at one joint: of "N m or N" the first if the joint's effort is in N m.
 
-    Args:
-        unit: of a figure.
-        effort: unit of the joint's effort, "N m" or "N"; empty: unknown, both are returned.
+    With an unknown `effort`, "", both stay.
     """
     turning, _, sliding = unit.partition(" or ")
     if not sliding or not effort:
@@ -147,16 +145,14 @@ def unit_at(unit: str, effort: str) -> str:
 
 
 def effort_where(slides: bool) -> str:
-    """Return the unit of an effort: along a sliding joint N, about a turning one N m."""
+    """Return the unit of an effort: N along a sliding joint, N m about a turning one."""
     return unit_at(EFFORT, "N" if slides else "N m")
 
 
 def unit_of(row: Any, unit: str) -> str:
-    """Return a figure's unit in one row of results: at the row's joint, or as another field says.
+    """Return a figure's unit in one row of results, as the row's joint or another field gives it.
 
-    Args:
-        row: described; its field `unit` says what its joint's efforts are in.
-        unit: of the figure.
+    The row's field `unit` is the unit of its joint's efforts.
     """
     if unit.startswith("in "):
         return str(getattr(row, unit.removeprefix("in ")))
@@ -164,7 +160,7 @@ def unit_of(row: Any, unit: str) -> str:
 
 
 def in_json(value: Any) -> Any:
-    """Return a described result in types of JSON: arrays as lists, NaN and infinity as None."""
+    """Return a described result in JSON's types: arrays as lists, NaN and infinity as None."""
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         return {name: in_json(getattr(value, name)) for name in quantities(type(value))}
     if isinstance(value, IntEnum):
@@ -246,7 +242,7 @@ def closed(keys: dict[str, Any]) -> dict[str, Any]:
 
 
 def _annotation(kind: type, name: str) -> Any:
-    """The type of a field or property, from where its class was written."""
+    """The type of a field or property, evaluated in the module of its class."""
     for base in kind.__mro__:
         member = getattr(vars(base).get(name), "fget", None)
         annotations = inspect.get_annotations(member or base)

@@ -1,15 +1,15 @@
 """Drives: the degree of freedom that each actuator moves, and the losses of its transmission.
 
-`effort` is what the drive delivers at the joint, `motor_torque` what its motor must deliver at its
-shaft. With t = effort, ratio r, no-load torque n (at the motor, so n|r| at the joint) and the loss
+`effort` (t) is what the drive delivers at the joint, `motor_torque` (T_m) what its motor must
+deliver at its shaft. With ratio r, no-load torque n at the motor (n|r| at the joint) and the loss
 due to the load g(w) L(|t|) (`transmission`; with constant efficiencies L = (1/eta - 1)|t| where the
-motor drives, (1 - eta_b)|t| where the load drives), the motor's torque times r is
+motor drives, (1 - eta_b)|t| where the load drives), r T_m is
 
     moving forward    upper(t) = t + g L(|t|) + n|r|
     moving backward   lower(t) = t - g L(|t|) - n|r|
     at standstill     anything from the least lower(t) to the greatest upper(t) over the efforts t
 
-plus r^2 J_rotor a and the motor's viscous friction, which the loss does not depend on. At
+plus r^2 J_rotor a and the motor's viscous friction, on which the loss does not depend. At
 standstill n is the static no-load torque. A gear with eta_b <= 0 is self-locking: the load alone
 never moves it, so the motor must also drive to lower the load.
 """
@@ -39,7 +39,7 @@ class Drive:
         transmission: None for an ideal drive of ratio 1 (motor torque = effort).
         share: w in the sum of effort^2 / w, which redundant drives minimize; None: not given.
         couples: (column of v, factor) of other joints that turn it as well (`couples`).
-        column: of a drive off the joints, its column among the actions; -1 of one on a joint.
+        column: of a drive off the joints, its column among the actions; else -1.
         encoder: where the controller measures, at the motor or at the joint.
     """
 
@@ -53,7 +53,7 @@ class Drive:
 
     @property
     def spring(self) -> Spring | None:
-        """The line from torque to wind-up of an elastic gear; None of a rigid one."""
+        """The line from torque to wind-up of an elastic gear; None for a rigid one."""
         gear = self.transmission
         return None if gear is None or gear.stiffness is None else spring_of(gear.stiffness)
 
@@ -70,7 +70,7 @@ class Gears(NamedTuple):
         ratio, rotor_inertia: (na,) motor turns per joint turn; at the motor's shaft (kg m^2).
         viscous, power: (na,) the motor's viscous friction, N m (s/rad)^power.
         stick_velocity: (na,) at or below this speed the joint stands still (rad/s or m/s).
-        no_load, no_load_static: (na, 2) no-load torque at the joint, in motion and at rest, of
+        no_load, no_load_static: (na, 2) no-load torque at the joint, in motion and at rest, for
             forward and backward motion of the joint (N m or N).
         constant, rise, exponent: (na, 2) factor constant + rise w^exponent on the loss due to the
             load, where the motor drives and where the load drives; w the motor's speed (rad/s).
@@ -100,13 +100,10 @@ def gear_table(
     stick_velocity: Sequence[float],
     brakes: Sequence[float] = (),
 ) -> Gears:
-    """Return the transmissions of drives, and their joints' stick velocities, as arrays.
+    """Return drives' transmissions (None: ideal), and their joints' stick velocities, as arrays.
 
-    Args:
-        transmissions: of the drives; None: ideal.
-        stick_velocity: of their joints (rad/s or m/s).
-        brakes: torques of closed brakes at the shafts (N m): no-load torques of their own; empty:
-            all are open.
+    `brakes` are torques of closed brakes at the shafts (N m), added to the no-load torques; empty:
+    all are open.
     """
     gears = [_IDEAL if gear is None else gear for gear in transmissions]
     viscous = [gear.motor_viscous or _FRICTIONLESS for gear in gears]
@@ -138,7 +135,7 @@ _IDEAL, _FRICTIONLESS = Transmission(ratio=1.0), ViscousFriction(coefficient=0.0
 
 
 def _no_load(gear: Transmission) -> np.ndarray:
-    """No-load torque (2, 2) in motion and at rest, of forward and backward motion of the joint."""
+    """No-load torque (2, 2) in motion and at rest, for forward and backward motion of the joint."""
     if gear.no_load_torque is None:
         return np.zeros((2, 2))
     size, step = abs(gear.ratio), 1 if gear.ratio > 0 else -1
@@ -148,7 +145,7 @@ def _no_load(gear: Transmission) -> np.ndarray:
 
 
 def lossy_gears(gears: Gears) -> np.ndarray:
-    """Return which gears (na,) have losses: due to the load, or a no-load torque."""
+    """Return which gears (na,) have a loss due to the load or a no-load torque."""
     lines = zip(gears.first[:, 0], gears.last[:, 1], strict=True)
     loss = np.array(
         [gears.slope[first:last].any() or gears.loss[first:last].any() for first, last in lines],
@@ -158,7 +155,7 @@ def lossy_gears(gears: Gears) -> np.ndarray:
 
 
 def most_lines(gears: Gears) -> int:
-    """Return how many lines a gear has in one direction at most; both losses make it one curve."""
+    """Return the most lines that any gear has in one direction, those of both losses together."""
     return int((gears.last - gears.first).sum(axis=1).max(initial=1))
 
 
@@ -190,9 +187,9 @@ def gear_line(
 ) -> tuple[float, float, float, float]:
     """Return the line that a gear follows around an effort, and the efforts at which it is valid.
 
-    The torque at the gear's input, seen from the joint, u = r (T_m - J_rotor r a) - drag, is
-    F(t) = slope t + offset: upper(t) in forward motion, lower(t) in backward motion (see the
-    module's text), piecewise linear in t.
+    The torque at the gear's input, seen from the joint, u = r (T_m - J_rotor r a) - drag, is F(t) =
+    slope t + offset: upper(t) in forward motion, lower(t) in backward motion (see the module),
+    piecewise linear in t.
 
     Args:
         gears: `gear_table`.
@@ -227,12 +224,7 @@ def gear_line(
 
 @kernel
 def gear_drag(gears: Gears, d: int, velocity: float) -> float:
-    """Return the motor's viscous friction at the joint: |r| c |r v|^p.
-
-    Args:
-        gears, d: see `gear_line`.
-        velocity: of the joint (rad/s or m/s).
-    """
+    """Return the motor's viscous friction at the joint, |r| c |r v|^p, with the sign of v."""
     size = abs(gears.ratio[d])
     drag = size * gears.viscous[d] * power_of(size * abs(velocity), gears.power[d])
     return drag if velocity > 0.0 else -drag
@@ -240,18 +232,15 @@ def gear_drag(gears: Gears, d: int, velocity: float) -> float:
 
 @kernel
 def held_efforts(gears: Gears, d: int, given: float, found: np.ndarray) -> int:
-    """Write the intervals of efforts that a gear at rest holds, lower(t) <= u <= upper(t).
+    """Write the intervals of efforts that a gear at rest holds, and return how many there are.
 
-    One, unless the gear is self-locking at some loads: then it holds little and much, and slips
-    between.
+    lower(t) <= u <= upper(t) is one interval, unless the gear is self-locking at some loads: then
+    it holds small and large efforts and slips between.
 
     Args:
         gears, d: see `gear_line`.
         given: u = r T_m (N m or N at the joint).
         found: (n, 2), overwritten; n above the number of the gear's lines.
-
-    Returns:
-        How many intervals.
     """
     slips, count = np.empty((found.shape[0], 2)), 0
     for direction in (1.0, -1.0):
@@ -310,11 +299,9 @@ def slope_range(gears: Gears, d: int, speed: float) -> tuple[float, float]:
 def gear_range(
     gears: Gears, d: int, direction: float, speed: float, static: bool, low: float, high: float
 ) -> tuple[float, float]:
-    """Return least and greatest F(t) of t from low to high: at the ends of its lines.
+    """Return least and greatest F(t) (`gear_line`) of finite efforts t from low to high.
 
-    Args:
-        gears, d, direction, speed, static: see `gear_line`.
-        low, high: efforts (N m or N), finite.
+    They lie at ends of the gear's lines.
     """
     slope, offset, _, last = gear_line(gears, d, direction, speed, static, low)
     least = greatest = slope * low + offset
@@ -337,10 +324,10 @@ def write_motor_torques(
     lower: np.ndarray,
     upper: np.ndarray,
 ) -> None:
-    """Write the least and greatest motor torque (n, na) of each drive; see the module's text.
+    """Write the least and greatest motor torque (n, na) of each drive; see the module.
 
-    For a self-locking gear neither upper(t) nor lower(t) is monotone, so their extremes are taken
-    over the whole interval of efforts.
+    F(t) of a self-locking gear is not monotone, so its extremes are taken over the whole interval
+    of efforts.
 
     Args:
         gears: `gear_table`.
@@ -369,9 +356,9 @@ def write_motor_torques(
 def joint_effort_ends(
     ratio: np.ndarray, lower: np.ndarray, upper: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the least and greatest `joint_effort`, r T_m: what a command at the joint contains.
+    """Return the least and greatest `joint_effort`, r T_m (N m or N): the command at the joint.
 
-    It contains the rigid body, rotors, friction and the losses of gears (N m or N).
+    It contains the rigid body, rotors, friction and the losses of gears.
 
     Args:
         ratio: (na,), negative where the motor turns back.
@@ -392,7 +379,7 @@ def motor_torque_bounds(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the least and greatest motor torque (N m at the motor's shaft) of each sample.
 
-    T_m = [lower(t) or upper(t)]/r + viscous + r J_rotor a (see the module's text).
+    T_m = [lower(t) or upper(t)]/r + viscous + r J_rotor a (see the module).
 
     Args:
         transmission: ratio, efficiencies and the motor-side losses.

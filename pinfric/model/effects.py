@@ -2,8 +2,7 @@
 
 The dynamics evaluate only the effects that are on: without friction one plain RNEA batch, with
 constant friction no wrenches, with bearings the twin, with loops or drives off the joints the
-iteration. `with_effects` removes effects from a scene, for study. Loops, couples and coupling
-cannot be removed, because the mechanism would be a different one.
+iteration. Loops, couples and coupling cannot be switched off: the mechanism would be another.
 """
 
 from __future__ import annotations
@@ -27,7 +26,7 @@ class Effect:
     Attributes:
         name: its name in `with_effects`.
         on: whether the scene contains it.
-        why: the keys of the scene file that switch it on; if it is off, those that would.
+        why: the keys of the scene file that switch it on, or would.
     """
 
     name: str
@@ -84,7 +83,7 @@ def _kinds() -> tuple[_Kind, ...]:
 
 
 def switchable() -> tuple[str, ...]:
-    """Return all effects that can be switched, in the order in which they build on each other."""
+    """Return the effects that can be switched, in the order in which they build on each other."""
     return *(kind.name for kind in _kinds()), "transmission", "gear", "payload", "springs"
 
 
@@ -95,7 +94,7 @@ STRUCTURAL = ("loops", "couples", "coupling")
 
 
 def effects(scene: Scene) -> tuple[Effect, ...]:
-    """Return the effects of a scene with the keys that cause them: `switchable`, `STRUCTURAL`."""
+    """Return a scene's effects, `switchable` and `STRUCTURAL`, with the keys that cause them."""
     listed = []
     for kind in _kinds():
         where = [name for name, friction in scene.friction.items() if kind.present(friction)]
@@ -128,7 +127,7 @@ def effects(scene: Scene) -> tuple[Effect, ...]:
 
 
 def _listed(name: str, key: str, scene: Scene, where: list[int]) -> Effect:
-    """An effect of entries in the list of actuators: the first one's place and its drive."""
+    """An effect of actuators: the place and the drive of the first one."""
     drives = [f"{key.format(i)} ({(scene.actuators or ())[i].drive_name})" for i in where]
     return _effect(name, "{}", drives, key.format(""))
 
@@ -147,7 +146,6 @@ def with_effects(
     """Return the scene with effects switched off, for study.
 
     Args:
-        scene: stays as it is.
         only: the effects to keep.
         without: the effects to leave out.
 
@@ -185,7 +183,7 @@ def with_effects(
 
 
 def _unloaded(actuator: Actuator) -> Actuator:
-    """Without what grows with the load: `efficiency` and `back_efficiency`."""
+    """The actuator without losses that grow with the load: `efficiency` and `back_efficiency`."""
     gear = actuator.transmission
     if gear is None or not any(any(loss.slopes) for loss in gear.losses()):
         return actuator
@@ -193,7 +191,7 @@ def _unloaded(actuator: Actuator) -> Actuator:
 
 
 def _lossless(actuator: Actuator) -> Actuator:
-    """The ratio stays: without it motor torques could not be compared."""
+    """The actuator without losses; motor torques can be compared because it keeps its ratio."""
     gear = actuator.transmission
     if gear is None or (
         _unloaded(actuator) == actuator

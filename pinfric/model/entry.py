@@ -5,7 +5,7 @@ A key is a field with its meaning, an example and a unit:
     mass: Positive = key("of the body", 2.0, "kg")
     backlash: Positive | None = optional("of its gear", 0.001, "rad")
 
-Pydantic keeps them with the field; JSON schemas and the reference show them.
+JSON schemas and the reference show them.
 """
 
 from __future__ import annotations
@@ -59,12 +59,12 @@ def key(text: str, example: Any, unit: str = "", **more: Any) -> Any:
 
 
 def optional(text: str, example: Any, unit: str = "", **more: Any) -> Any:
-    """Return a key that may be left out, and is None then; see `key`."""
+    """Return a `key` that may be left out, and is None then."""
     return key(text, example, unit, default=None, **more)
 
 
 def strict_number(value: Any) -> Any:
-    """Refuse values that pydantic would silently convert to a number, and impossibly large ones."""
+    """Refuse impossibly large numbers, and what pydantic would silently convert to a number."""
     if isinstance(value, bool | str):
         raise ValueError(f"should be a number, found {brief(value)}")
     if isinstance(value, int | float) and LARGEST < abs(value) < math.inf:
@@ -94,8 +94,8 @@ class Forms:
     """Several ways to write one value, distinguished by type, and mappings by their keys.
 
     Args:
-        forms: entries or one `dict` for mappings, a tuple for lists, a `Literal` for words; the
-            first one is used for values that fit no form.
+        forms: entries or one `dict` for mappings, a tuple for lists, a `Literal` for words; values
+            that fit no form are read as the first.
     """
 
     def __init__(self, *forms: Any) -> None:
@@ -123,7 +123,7 @@ class Forms:
 
 
 def _written_as(form: Any) -> str:
-    """Name of a form or of the type of a value: an entry, a list, a word or a number."""
+    """Name of a form or of a value's type: an entry's class, list, word, mapping or number."""
     kind = form if isinstance(form, type) else get_origin(form) or type(form)
     if isinstance(kind, type) and issubclass(kind, BaseModel):
         return kind.__name__
@@ -138,21 +138,20 @@ class Entry(BaseModel):
 
     @classmethod
     def key_names(cls) -> list[str]:
-        """Return the keys a mapping may have."""
+        """Return the keys that a mapping may have."""
         return list(cls.model_fields)
 
     @classmethod
     def kinds(cls) -> list[str]:
-        """Return the words that its key `kind` may be, if it is a family of classes."""
+        """Return the words that the key `kind` of a family of classes may be."""
         return []
 
     @model_validator(mode="before")
     @classmethod
     def _known_keys(cls, given: Any) -> Any:
-        """Replace the value of an unknown key by the list of known keys.
+        """Replace the value of an unknown key by the list of known keys, for pydantic's message.
 
-        Pydantic refuses the key and returns this list for the message. Keys that the mapping
-        already has are not suggested.
+        Keys that the mapping already has are not suggested.
         """
         if not isinstance(given, dict):
             return given
@@ -165,7 +164,7 @@ class Entry(BaseModel):
         }
 
     def questions(self) -> Iterator[str]:
-        """Yield warnings about implausible values of this entry (`unlikely`), for `parse`."""
+        """Yield warnings about implausible values of this entry (`unlikely`)."""
         yield from ()
 
 
@@ -176,8 +175,8 @@ def register(table: dict[str, Any], name: str, cls: type[BaseModel]) -> None:
     """Write a class under its name in a table that scene files use.
 
     Raises:
-        SceneError: another class has the name. One that is defined once more, as in a cell of a
-            notebook that is run again, replaces itself.
+        SceneError: another class has the name. A class that is defined again, as by a notebook's
+            cell, replaces itself.
     """
     known = table.setdefault(name, cls)
     if (known.__module__, known.__qualname__) != (cls.__module__, cls.__qualname__):
@@ -207,16 +206,10 @@ def parse(
     error: type[PinfricError] = SceneError,
     at: tuple[int | str, ...] = (),
 ) -> _Kind:
-    """Validate `content` as `entry`; raise one error with all problems, which begins with `where`.
+    """Validate `content` as `entry`; raise one `error`, beginning with `where`, with all problems.
 
-    Plausibility warnings of the entries (`Entry.questions`) also begin with `where`.
-
-    Args:
-        entry: the class to read it as.
-        content: a mapping, or such an entry.
-        where: the file.
-        error: what is raised.
-        at: the place of `content` in the file.
+    `content` is a mapping or such an entry, `at` its place in the file. Plausibility warnings of
+    the entries (`Entry.questions`) also begin with `where`.
     """
     if isinstance(content, entry):
         return content
@@ -277,7 +270,7 @@ def _problem(problem: Any, entry: type[BaseModel], content: Any, at: tuple[int |
 def _key_at(
     entry: type[BaseModel], loc: tuple[int | str, ...]
 ) -> tuple[FieldInfo | None, list[type[BaseModel]]]:
-    """Return the field of a key, None where it is not known, and the entries it may be."""
+    """Return the field of a key, None if it is unknown, and the classes that it may be."""
     classes, field = [entry], None
     for number, part in enumerate(loc):
         owner = next((one for one in classes if part in one.model_fields), None)
@@ -297,7 +290,7 @@ def _example(field: FieldInfo | None, loc: tuple[int | str, ...]) -> str:
 
 
 def _section_of(name: Any, entry: type[BaseModel], loc: tuple[int | str, ...]) -> str:
-    """Return the key of the section below that has this key, "" where none or several have it."""
+    """Return the key of the section below that has this key, "" if none or several have it."""
     if loc:
         return ""
     homes = [
@@ -320,12 +313,9 @@ def _entries_in(annotation: Any) -> Iterator[type[BaseModel]]:
 
 
 def _path(loc: tuple[int | str, ...], content: Any, missing: bool) -> list[int | str]:
-    """The keys that lead to a problem, without the names of union members, which no file has.
+    """The keys that lead to a problem: pydantic's `loc` without the names of union members.
 
-    Args:
-        loc: pydantic's, both among it.
-        content: what was read.
-        missing: whether the last part is a missing key.
+    `missing` says that the last part is a missing key.
     """
     path: list[int | str] = []
     for part in loc:

@@ -18,7 +18,7 @@ _THINNEST = 0.12
 
 @dataclass(frozen=True)
 class Box:
-    """A box: `edges` (3,) in m along the axes of `placement`, which lies in its joint's frame."""
+    """A box: `edges` (3,) in m along the axes of `placement`, which is in its joint's frame."""
 
     edges: np.ndarray
     placement: pin.SE3
@@ -27,10 +27,9 @@ class Box:
 def equivalent_box(inertia: pin.Inertia) -> Box | None:
     """Return the uniform box of the same mass and inertia, or None for a body without mass.
 
-    Also None if the mass is so small that the box would be larger than any machine.
-
-    Edge^2 = 6 (J_2 + J_3 - J_1)/m for each principal axis; if that is not positive, as for a point
-    or an impossible inertia, the edge is `_THINNEST` of the longest.
+    Edge^2 = 6 (J_2 + J_3 - J_1)/m for each principal axis; if that is not positive, as for a point,
+    the edge is `_THINNEST` of the longest. None also if the mass is so small that the box would be
+    larger than any machine.
     """
     mass = inertia.mass
     moments, axes = np.linalg.eigh(inertia.inertia)
@@ -46,7 +45,7 @@ def equivalent_box(inertia: pin.Inertia) -> Box | None:
 
 
 def payload_box(scene: Scene, payload: Payload) -> tuple[int, Box]:
-    """Return the joint that carries a payload and a box that stands for it, in the joint's frame.
+    """Return the joint that carries a payload and a box for it, in the joint's frame.
 
     A payload without inertia is a cube of water's density.
     """

@@ -1,8 +1,8 @@
 """Write results so that a reader finds the old file or the new one, never an incomplete one.
 
-What a command writes replaces neither its inputs nor, without --overwrite, files of others. Beside
-its results it keeps their hashes, so that a later run knows them: a mark in the files themselves
-would be in the way of those who read a CSV, and would not show that somebody has changed one.
+A command replaces neither its inputs nor, without --overwrite, files of others. Its results are
+known by their hashes, kept beside them: a mark in a CSV would be in a reader's way, and would not
+show that somebody has changed the file.
 """
 
 from __future__ import annotations
@@ -58,16 +58,11 @@ def write_file(path: str | Path, write: Writer) -> Path:
 def write_folder(
     folder: str | Path, writers: Mapping[str, Writer], outdated: Iterable[str] = ()
 ) -> list[Path]:
-    """Write several files, by name; they appear in `folder` when all of them are complete.
+    """Write several files (name -> text or writer), which appear in `folder` when all are complete.
 
-    The folder is created if it is missing; other files in it stay. If one of the files cannot be
-    moved to its place, the old files are restored.
-
-    Args:
-        folder: where they go.
-        writers: name -> what writes that file, or its text.
-        outdated: names of files of an earlier run that contradict these ones: they are removed,
-            but not what somebody else wrote or changed, nor an input of the command.
+    A missing folder is created. If one of the files cannot be moved to its place, the old files are
+    restored. `outdated` are names of files of an earlier run that contradict these: they are
+    removed, but not what somebody else wrote or changed, nor an input of the command.
 
     Raises:
         PinfricError: the folder or a file in it cannot be written.
@@ -111,7 +106,7 @@ def _unfinished(folder: Path) -> Iterator[Path]:
     """A temporary folder in `folder`; those of killed runs are removed, those in use stay.
 
     Each run locks a file in its temporary folder; the kernel releases the lock however the run
-    ends. The lock on `folder` prevents other runs from removing ours before its file is locked.
+    ends. The lock on `folder` keeps other runs from removing ours before its file is locked.
     """
     with ExitStack() as stack:
         with _locked(folder, os.O_RDONLY, wait=True) as guarded:
@@ -175,14 +170,10 @@ def _put_in_place(unfinished: Path, folder: Path, names: Sequence[str]) -> None:
 def check_writable(folder: str | Path, names: Iterable[str] = ()) -> None:
     """Raise before a long computation if its results could not be written.
 
-    Args:
-        folder: where they go.
-        names: the files that will be written there.
-
     Raises:
         PinfricError: `folder` is a file or named like one; it, or its parent if it is missing, is
-            read-only; a folder has the name of one of the files. In a command also: a file there
-            is one of its inputs, or is not as pinfric wrote it and --overwrite is not given.
+            read-only; a folder has the name of one of the files. In a command also: a file there is
+            one of its inputs, or is not as pinfric wrote it and --overwrite is not given.
     """
     folder, names = Path(folder), list(names)
     try:
@@ -226,7 +217,7 @@ def check_writable(folder: str | Path, names: Iterable[str] = ()) -> None:
 
 
 def _same_file(file: Path, inputs: Iterable[Path]) -> Path | None:
-    """The input that a file is, also through links and hard links; pipes and devices are none."""
+    """The input that a regular file is, also through links and hard links."""
     for source in inputs if file.is_file() else ():
         with suppress(OSError, ValueError):  # not there, or a name that no file system takes
             if os.path.samefile(source, file):
@@ -240,7 +231,7 @@ def _as_written(file: Path, known: Mapping[str, str]) -> bool:
 
 
 def _remove_outdated(folder: Path, names: Iterable[str]) -> None:
-    """Remove what earlier commands wrote, and nothing else; --overwrite removes no more."""
+    """Remove what earlier commands wrote, and nothing else, also with --overwrite."""
     known, command = _recorded(folder), running()
     for file in (folder / name for name in names):
         ours = file.is_file() and _as_written(file, known)

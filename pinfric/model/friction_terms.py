@@ -1,7 +1,7 @@
 """Friction terms, the parts of a joint's friction: each is a class with keys, checks and rows.
 
 At rest a term is a limit, in motion a sum of rows. Both have a part in proportion to the normal
-load c and a part that does not depend on it, separate for forward and backward motion:
+load c and a part independent of it, separate for forward and backward motion:
 
     at rest     mu c + (forward or backward)
     in motion   sum_i (mu_i c + (forward or backward)_i) s^power_i exp(-(s / velocity_i)^exponent_i)
@@ -69,8 +69,7 @@ class Stribeck(Entry):
 class FrictionTerm(Entry):
     """One term of a joint's friction: the base class of all terms.
 
-    A subclass with the decorator `friction_term(NAME)` is a key of `friction.<joint>`; nothing else
-    is edited for it.
+    A subclass with the decorator `friction_term(NAME)` is a key of `friction.<joint>`.
 
     Attributes:
         coefficients: fields that the term's strength is proportional to.
@@ -80,11 +79,7 @@ class FrictionTerm(Entry):
 
     @abstractmethod
     def rows(self, stribeck: Stribeck | None) -> tuple[Row, ...]:
-        """Return the term in motion.
-
-        Args:
-            stribeck: the joint's curve from static to kinetic friction; None: a jump.
-        """
+        """Return the term in motion; without a `stribeck` curve it falls to kinetic by a jump."""
 
     def at_rest(self) -> Strength:
         """Return the limit at rest, which is at least the sum of the dry rows."""
@@ -92,7 +87,7 @@ class FrictionTerm(Entry):
 
     @property
     def directed(self) -> bool:
-        """Whether it differs by the direction of motion."""
+        """Whether it depends on the direction of motion."""
         strengths = (self.at_rest(), *(strength for _, strength in self.rows(None)))
         return any(strength.forward != strength.backward for strength in strengths)
 
@@ -265,9 +260,7 @@ Viscous = (
 def falling(static: Strength, kinetic: Strength, stribeck: Stribeck | None) -> tuple[Row, ...]:
     """Return rows that fall from static to kinetic: kinetic + (static - kinetic) exp(...).
 
-    Args:
-        static, kinetic: strengths at rest and in fast motion.
-        stribeck: the curve; None: a jump, so the static strength acts at rest only.
+    Without a `stribeck` curve they fall by a jump: the static strength acts at rest only.
     """
     if stribeck is None:
         return ((CONSTANT, kinetic),)

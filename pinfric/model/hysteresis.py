@@ -1,8 +1,8 @@
 """Comparison of a joint's friction with the hysteresis on the data sheet of its gear.
 
 A maker measures the hysteresis loss H at the output with the motor's side held. Friction b behind
-the spring causes H = f(b_forward) + f(b_backward). If the friction that was identified from motor
-currents is larger than H allows, the rest must act before the spring, in the gear.
+the spring causes H = f(b_forward) + f(b_backward). If friction identified from motor currents is
+larger than H allows, the rest must act before the spring, in the gear.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ class Excess(NamedTuple):
         joint: its name.
         friction: at rest without load behind the spring, the mean of both directions (N m or N).
         most: friction that the stated hysteresis allows.
-        implied, stated: whole width at zero torque, rad (m).
+        implied, stated: full width at zero torque, rad (m).
     """
 
     place: str
@@ -58,11 +58,7 @@ def load_free_friction(friction: Friction | None) -> Strength:
 
 
 def joint_hysteresis(spring: Spring, friction: Friction | None) -> float:
-    """Return f(b_forward) + f(b_backward), rad (m): the hysteresis due to friction at zero torque.
-
-    Args:
-        spring: of the gear. friction: of the joint behind it; None: no friction.
-    """
+    """Return f(b_forward) + f(b_backward), rad (m): hysteresis due to friction at zero torque."""
     rubs = load_free_friction(friction)
     return float(spring.wind_up(rubs.forward) + spring.wind_up(rubs.backward))
 
@@ -73,9 +69,6 @@ def excessive_friction(
     """Yield the joints whose friction contradicts the hysteresis of their gear.
 
     Coupled drives are left out, because the friction of several joints acts on their springs.
-
-    Args:
-        friction: by joint. actuators: of a scene.
     """
     coupled = {name for a in actuators or () for name in (a.couples and {*a.couples, a.joint})}
     for i, actuator in enumerate(actuators or ()):

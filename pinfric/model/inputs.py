@@ -27,7 +27,7 @@ def running() -> Command | None:
 
 @contextmanager
 def running_command() -> Iterator[None]:
-    """Within, a command runs."""
+    """A context within which a command runs."""
     global _running
     before, _running = _running, Command()
     try:
@@ -37,6 +37,6 @@ def running_command() -> Iterator[None]:
 
 
 def note_input(*paths: str | Path) -> None:
-    """Note files that the running command reads, or will read; what is no file does not matter."""
+    """Note files that the running command reads; names without a file do not matter."""
     if _running is not None:
         _running.inputs.update(dict.fromkeys(map(Path, paths)))

@@ -1,6 +1,6 @@
 """Kernels of loops: poses and motion of links, and the effect of actions on joints.
 
-All quantities are in world axes, with one row per sample. `Linkage` describes the tables.
+All quantities are in world axes, one row per sample; `loops.Linkage` describes the tables.
 """
 
 from __future__ import annotations
@@ -120,12 +120,11 @@ def move_links(
 ) -> None:
     """Write velocity and acceleration of every link: of its joint's origin and its rotation.
 
-    Accelerations are the classical ones: second derivatives of positions, without gravity.
+    Accelerations are second derivatives of positions, without gravity.
 
     Args:
         v_twin, a_twin: (n, 6 nj), as `twin.embed` writes them.
-        parents: (nj,), see `place_links`.
-        p, R: (n, nj, 3), (n, nj, 3, 3), `place_links`.
+        parents, p, R: as in `place_links`.
         velocity, acceleration: (n, nj, 6), overwritten, linear first, world axes.
     """
     d, slide, spin = np.empty(3), np.empty(3), np.empty(3)
@@ -197,7 +196,7 @@ def act_on_joints(
     """Write the effect of each action on the wrenches of all joints and the generalized effort.
 
     Args:
-        p, R: (n, nj, 3), (n, nj, 3, 3), `place_links`.
+        p, R: see `place_links`.
         actions: or any record with its fields.
         X: (n, nj + number of pairs, 6, nx), overwritten: change of the wrench a joint transmits per
             unit action, parent on child in the child's frame; a loop's joint, a on b in frame b; a
@@ -254,10 +253,10 @@ def act_on_joints(
 def _common_normal(
     a: int, frame_R: np.ndarray, R: np.ndarray, axis: np.ndarray, moment: np.ndarray
 ) -> None:
-    """Write the common normal of the axes of a and b in place of b's axis (3,).
+    """Write the common normal of the axes of a and b in place of b's axis.
 
     Args:
-        a, frame_R: frame a and the row of the joint that carries it.
+        a, frame_R: row of the joint that carries frame a, and the frame's axes in it (3, 3).
         R: (nj, 3, 3) of the links.
         axis: (3,) in frame a as in frame b.
         moment: (3,) the axis of b in the world, overwritten.
@@ -394,7 +393,6 @@ def _slip(
         w = omega_b - omega_a,      in frame b  w' - omega_b x w
 
     Args:
-        actions, pair: which pair of frames.
         links: p (nj, 3), R (nj, 3, 3), velocity (nj, 6), acceleration (nj, 6) of the links.
         frames: (10, 3), overwritten: positions of a and b, their axes, their rotations.
         motion: (2, 4, 3), overwritten: of a and of b v, its derivative, omega, its derivative.

@@ -4,11 +4,11 @@ Sliding (paper eq. 20):     phi = -sign(v) (mu(|v|) c + coulomb(|v|) + drag(|v|)
 Sticking (paper eq. 21):    -(mu_s c + coulomb_s+) <= phi <= mu_s c + coulomb_s-
 Creeping:                   the same, plus anything from 0 to the drag
 
-with mu, coulomb and drag the sums of rows of the site's terms (`friction_terms`). Moving forward
-(v > 0) the positive Coulomb value acts, backward the negative one. A joint creeps if its speed is
-at or below the stick velocity but not 0: it is unknown whether it moves, so its drag is unknown,
-too, and the sliding value just above the stick velocity lies in the interval just below it. A joint
-without dry friction never sticks: its drag acts at any speed.
+mu, coulomb and drag are the sums of rows of the site's terms (`friction_terms`). Forward (v > 0)
+the positive Coulomb value acts, backward the negative one. A joint creeps if its speed is at or
+below the stick velocity but not 0: whether it moves is unknown, and so is its drag, and the sliding
+value just above the stick velocity lies in the interval just below it. A joint without dry friction
+never sticks: its drag acts at any speed.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ class FrictionLaw:
     Attributes:
         static: the limits at rest.
         kinetic: the constant part in motion.
-        viscous: N m s/rad or N s/m; separate from the rows because time steps treat it implicitly.
+        viscous: N m s/rad or N s/m; separate because time steps treat it implicitly.
         rows: the other parts of friction in motion, one row per shape.
         stick_velocity: at or below this speed the site sticks (rad/s or m/s).
     """
@@ -57,7 +57,7 @@ class FrictionLaw:
 
     @property
     def dry(self) -> bool:
-        """Whether it can stick, because it has friction at rest."""
+        """Whether it can stick: it has friction at rest."""
         return any(strength > 0.0 for strength in self.static)
 
 
@@ -82,7 +82,7 @@ def friction_law(friction: Friction, default_stick_velocity: float) -> FrictionL
 
 
 def checked_law(friction: Friction, default_stick_velocity: float) -> FrictionLaw:
-    """Return the law of a scene's entry; refuse by the name of its class what is no friction."""
+    """Return the law of one scene entry; refuse terms that return no valid friction."""
     for term in friction.terms:
         _check_term(term, friction.stribeck)
     return friction_law(friction, default_stick_velocity)
@@ -128,8 +128,8 @@ class Laws(NamedTuple):
 
     Attributes:
         mu_static, mu_kinetic: (ns,) factor of the load at rest, and its constant part in motion.
-        coulomb_static, coulomb_kinetic: (ns, 2) the same for friction that does not depend on the
-            load, against forward and backward motion (N m or N).
+        coulomb_static, coulomb_kinetic: (ns, 2) the same for friction independent of the load,
+            against forward and backward motion (N m or N).
         viscous: (ns,) N m s/rad or N s/m.
         stick_velocity: (ns,) rad/s or m/s.
         row_start, row_end: (ns,) range of the rows of each site.
@@ -320,9 +320,9 @@ def friction_bounds(
         laws: `law_table`.
         at_rest: (n, ns), True where a velocity crosses zero between samples: the interval of
             standstill is then extended to contain the sliding value.
-        lower, upper: (n, ns), friction of the parent on the child along the joint's positive
-            direction, overwritten; equal where the site slides.
-        sticking: (n, ns), overwritten; |velocity| <= stick velocity.
+        lower, upper: (n, ns), overwritten: friction of the parent on the child along the joint's
+            positive direction; equal where the site slides.
+        sticking: (n, ns), overwritten: |velocity| <= stick velocity.
     """
     for i in range(velocity.shape[0]):
         for s in range(laws.viscous.size):

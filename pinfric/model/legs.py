@@ -1,8 +1,8 @@
 """Robots with legs that hang by a fixed base: the legs carry themselves and not the robot.
 
-Geometry cannot tell legs from fingers, names can: two branches or more from the base whose joints
-or links have a word for a part of a leg. Of the robots of example-robot-data and 40 other public
-ones these are all that have legs at their base, and no arm or hand.
+Names tell legs from fingers, geometry cannot: two branches or more from the base whose joints or
+links have a word for a part of a leg. These are all robots with legs at their base, and no arm or
+hand, among those of example-robot-data and 40 other public ones.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ _TOKEN = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+")
 
 
 def hanging_legs(model: pin.Model) -> str:
-    """Return that a robot's legs hang by a fixed base, and how to let it stand; "": they do not."""
+    """Return that a robot's legs hang by a fixed base, and how to let it stand, or ""."""
     names: list[list[str]] = [[str(name)] for name in model.names]
     for frame in model.frames:
         if frame.type == pin.FrameType.BODY:

@@ -7,9 +7,9 @@ wrench that joint j transmits, and the generalized effort, by
 
     w_j += X_j x,     tau += J^T x,     J^T = -E^T X
 
-(paper eq. 10-15 for forces between two bodies). On joints that carry both sides an action has no
-effect: the two wrenches cancel exactly. The order of columns is: drives off the joints, multipliers
-lambda of the loops, friction of the loops' joints.
+(paper eq. 10-15 for forces between two bodies). On joints that carry both sides the two wrenches
+cancel exactly. The columns are: drives off the joints, multipliers lambda of the loops, friction of
+the loops' joints.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ _ONE_WAY = {"revolute": False, "planar_pin": False, "prismatic": True}
 
 @dataclass(frozen=True)
 class OffJointDrive(Drive):
-    """A drive that does not sit on a joint of the tree; `velocity_index` is -1.
+    """A drive that is not on a joint of the tree; `velocity_index` is -1.
 
     Attributes:
         unit: of its effort: "N" along a cylinder, a force or a loop that slides, "N m" about a
@@ -87,7 +87,7 @@ class Linkage:
         multipliers: columns [off_joint, off_joint + multipliers) are lambda, the rest friction.
         friction_column: (np,) first friction column of each pair, -1 without friction; a spherical
             joint has three, a cylinder its drive's column.
-        rods: names of the springs that rub along their line; their pairs come last.
+        rods: names of the springs with friction along their line; their pairs come last.
         rest_gap: (nx,) the gap of a closed column: 0, except for cylinders that stand still.
         size: m, a length of the mechanism, with which gaps are compared.
         standing: columns of loops' joints and of cylinders that stand still, see `stand_still`.
@@ -124,7 +124,7 @@ class Linkage:
 
     @cached_property
     def turning(self) -> np.ndarray:
-        """Which closed columns are moments (nc,); their gaps are angles."""
+        """Which closed columns (nc,) are moments; their gaps are angles."""
         return np.asarray(self.unit[self.closed, 3:].any(axis=1))
 
     @property
@@ -134,7 +134,7 @@ class Linkage:
 
     @property
     def cylinders(self) -> dict[str, int]:
-        """Name -> pair of the drives, and of the springs, along the line between two points."""
+        """Name -> pair of the drives and springs along the line between two points."""
         pairs = {drive.name: int(self.column_pair[drive.column]) for drive in self.drives}
         pairs |= dict(
             zip(
@@ -163,15 +163,11 @@ def make_linkage(
     source: str,
     springs: Sequence[Spring] = (),
 ) -> Linkage:
-    """Tabulate a scene's loops, its drives off the joints and the springs that rub.
+    """Tabulate a scene's loops, its drives off the joints and the springs with friction.
 
-    Args:
-        model: the robot, locked joints removed.
-        loops: of the scene.
-        actuators: all of them; those on joints of the tree are passed over.
-        friction: name -> friction: which loops and cylinders have friction columns.
-        source: the scene, for messages.
-        springs: of the scene; those without friction are passed over.
+    `actuators` and `springs` are all of the scene's: drives on joints of the tree and springs
+    without friction are skipped. `friction` decides which loops and cylinders have friction
+    columns.
 
     Raises:
         SceneError: an unknown or duplicate name, an axis or direction of length zero, both sides on
@@ -259,7 +255,7 @@ def _friction_columns(
     columns: list[tuple[int, np.ndarray]],
     source: str,
 ) -> np.ndarray:
-    """(np,) first friction column of each pair or -1; those of loops' joints are added."""
+    """(np,) first friction column of each pair or -1; columns of loops' joints are added."""
     found = np.full(len(pairs), -1, dtype=np.int64)
     for drive in drives:
         pair = columns[drive.column][0]
@@ -284,8 +280,8 @@ def stand_still(
 ) -> Linkage:
     """Return the linkage with some joints of loops, or cylinders, fixed at their positions.
 
-    Frame a is moved to frame b, so all gaps of the two are zero while the joint stands still. A
-    cylinder keeps its length. A point that a force drives has no position to keep and stays free.
+    Frame a is moved to frame b, so that all gaps of the two are zero. A cylinder keeps its length.
+    A point that a force drives has no position to keep and stays free.
 
     Args:
         linkage: in which nothing stands still.
@@ -325,12 +321,7 @@ def stand_still(
 
 
 def loop_place(loops: Sequence[Loop], name: str) -> str:
-    """Return how messages name a loop's place in a scene: loops[1] (rocker_pin).
-
-    Args:
-        loops: of the scene.
-        name: of one of them, or of a drive off the joints.
-    """
+    """Return how messages name a loop's (or drive's) place in a scene: loops[1] (rocker_pin)."""
     index = next((i for i, loop in enumerate(loops) if loop.name == name), None)
     return f"actuator {name!r}" if index is None else f"loops[{index}] ({name})"
 
@@ -414,15 +405,10 @@ def check_loop_friction(loop: Loop, friction: Friction, where: str) -> None:
 
 
 def check_bearing(friction: Friction, joint: str, where: str) -> None:
-    """Check that a bearing, if there is one, fits its joint.
-
-    Args:
-        friction: the joint's.
-        joint: what it is; see `Bearing.fits`.
-        where: path of the entry, for the message.
+    """Check that a bearing, if there is one, fits its joint (see `Bearing.fits`).
 
     Raises:
-        SceneError: a bearing of another kind of joint.
+        SceneError: a bearing of another kind of joint; begins with `where`, the entry's path.
     """
     if friction.bearing is not None and (wrong := friction.bearing.misfit(joint)):
         raise SceneError(f"{where}.bearing{wrong}")
@@ -520,7 +506,7 @@ def _direction(given: Sequence[float], where: str) -> np.ndarray:
 
 
 def _closed_directions(kind: str, axis: np.ndarray) -> list[np.ndarray]:
-    """Unit wrenches (6,) in frame b that a loop's joint transmits, friction left out."""
+    """Unit wrenches (6,) in frame b that a loop's joint transmits without friction."""
     first = np.cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))])
     first /= np.linalg.norm(first)
     choice = {

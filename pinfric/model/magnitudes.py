@@ -1,7 +1,7 @@
 """Bounds on the figures of a machine, in SI units.
 
-Within these bounds the powers and products in friction, dynamics and sizing stay finite. Beyond
-them they overflow, and results would silently be infinite or NaN.
+Beyond them powers and products in friction, dynamics and sizing overflow, and results would
+silently be infinite or NaN.
 """
 
 from __future__ import annotations

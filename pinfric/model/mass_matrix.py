@@ -14,9 +14,7 @@ from pinfric.model.twin import Twin
 def mass_matrices(twin: Twin, q: np.ndarray) -> np.ndarray:
     """Return M(q) (n, nv, nv) of configurations (n, nq), rotors (armatures) left out.
 
-    Args:
-        twin: the robot with its payloads.
-        q: rad, m; samples equal to the one before are not computed again.
+    Samples equal to the one before are not computed again.
     """
     moved, model = np.append(True, (q[1:] != q[:-1]).any(axis=1)), twin.model
     data = model.createData()
@@ -39,9 +37,7 @@ def link_poses(twin: Twin, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def frame_jacobians(twin: Twin, q: np.ndarray, frame: int) -> np.ndarray:
     """Return J (n, 6, nv) of a frame: velocity of its origin, then rate, in the world's axes.
 
-    Args:
-        twin: the robot. q: (n, nq) rad, m.
-        frame: its id in the model.
+    `frame` is its id in the model; q is (n, nq).
     """
     model, data = twin.model, twin.model.createData()
     axes = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED

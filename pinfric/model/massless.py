@@ -1,7 +1,7 @@
 """Joints that move no mass: of a link without an <inertial>, or of a point mass on the axis.
 
-Such a joint turns without an effort beyond its friction, and no effort says how fast: it can be
-neither simulated nor sized. What all others need does not depend on it.
+Such a joint turns without an effort beyond its friction, and no effort determines its motion: it
+can be neither simulated nor sized. Results of other joints do not depend on it.
 """
 
 from __future__ import annotations
@@ -24,12 +24,9 @@ _POSTURES = 8
 def massless(scene: Scene, attached: Iterable[str] | None = None) -> np.ndarray:
     """Return (nv,) bool: which velocities move no mass, M_jj <= 1e-12 max M in all postures tried.
 
-    M holds the model's armatures and the drives' rotors, ratio^2 times. What a loop, a cylinder or
-    a force takes along moves others by it and is left out.
-
-    Args:
-        scene: the robot with its drives.
-        attached: names of the payloads carried; None takes those attached by default.
+    M holds the model's armatures and the drives' rotors, ratio^2 times. A joint that moves other
+    masses by a loop, a cylinder or a force does not count. `attached` are the payloads carried;
+    None takes those attached by default.
     """
     twin, model = scene.twin(attached), scene.model
     rng, start = np.random.default_rng(0), scene.start_configuration

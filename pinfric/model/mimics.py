@@ -1,6 +1,6 @@
-"""Mimic joints of a URDF, written so that Pinocchio reads them, and joints that stand still.
+"""Mimic joints of a URDF, written so that Pinocchio reads them, and locked joints.
 
-A follower moves as q_i = k_i q + o_i with its leader's q. Pinocchio wants one leader that is no
+A follower moves as q_i = k_i q + o_i with its leader's q. Pinocchio needs one leader that is no
 follower, turns within limits or slides, and is numbered before its followers.
 """
 
@@ -56,16 +56,12 @@ def lost_leaders(root: ElementTree.Element) -> dict[str, str]:
 
 
 def settle_mimics(root: ElementTree.Element, urdf: Path) -> None:
-    """Write the mimic tags of a checked URDF as Pinocchio reads them.
+    """Write the mimic tags of a checked URDF as Pinocchio reads them; `root` is changed in place.
 
     Chains become one tag, q_c = k_cb (k_ba q_a + o_ba) + o_cb. A follower of a fixed joint, or with
-    the multiplier 0, is fixed at its offset, with a warning; one without a leader moves by itself,
-    with a warning. A continuous joint that leads or follows becomes a revolute one without limits,
-    whose position is one number. A tag on a fixed joint says nothing and goes.
-
-    Args:
-        root: changed in place.
-        urdf: named in messages.
+    the multiplier 0, is fixed at its offset; one without a leader moves by itself; both with a
+    warning. A continuous joint that leads or follows becomes a revolute one without limits, whose
+    position is one number. A tag on a fixed joint is removed.
 
     Raises:
         RobotError: a ring of mimics, a leader of several degrees of freedom or beyond its follower.
@@ -160,12 +156,7 @@ def _make_revolute(joint: ElementTree.Element) -> None:
 
 
 def lock_joints(root: ElementTree.Element, locked: Mapping[str, float], urdf: Path) -> None:
-    """Fix joints of a checked URDF where they are locked, and their followers where these are then.
-
-    Args:
-        root: as `check_urdf` leaves it; changed in place.
-        locked: joint -> position (rad or m).
-        urdf: named in messages.
+    """Fix joints of a checked URDF at positions (rad or m), and their followers with them.
 
     Raises:
         RobotError: an unknown joint, one of several degrees of freedom, or a follower without its
@@ -221,15 +212,11 @@ def fix_joint(joint: ElementTree.Element, position: float) -> None:
 
 
 def numbers_before_names(root: ElementTree.Element, urdf: Path) -> dict[str, str]:
-    """Return joint -> a number before its name by which leaders come first; empty: none is needed.
+    """Return joint -> prefix of its name by which leaders come first; empty if none is needed.
 
     Pinocchio visits joints depth first, those of one link in alphabetical order, and needs a leader
     before its followers. So of two joints on one link, that with a leader at or beyond it comes
-    before that with the follower.
-
-    Args:
-        root: its mimic tags as `settle_mimics` leaves them.
-        urdf: named in messages.
+    before that with the follower. The mimic tags are those of `settle_mimics`.
 
     Raises:
         RobotError: no order has each leader before its followers.
@@ -281,7 +268,7 @@ def link_of(joint: ElementTree.Element, end: str) -> str:
 
 
 def _joints_above(joints: Mapping[str, ElementTree.Element]) -> dict[str, list[str]]:
-    """Each joint's joints between it and the root, nearest first."""
+    """The joints between each joint and the root, nearest first."""
     carrying = {link_of(joint, "child"): name for name, joint in joints.items()}
     above = {}
     for name in joints:

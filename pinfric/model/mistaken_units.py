@@ -1,4 +1,4 @@
-"""Units that files hold by mistake, and the one that makes a value plausible."""
+"""Units that files hold by mistake."""
 
 from __future__ import annotations
 
@@ -28,21 +28,10 @@ ANGLES = (Unit("degrees", 0.017453292519943295),)
 
 
 def in_unit(unit: Unit | None, si: str, value: float) -> str:
-    """Return the value of a number if it was written in a wrong unit; "" for no unit.
-
-    Args:
-        unit: the unit.
-        si: name of the SI unit.
-        value: as written.
-    """
+    """Return the value of a number (as written) if it is in a wrong unit; "" for no unit."""
     return f"if it is in {unit.name}: {unit.size * value:.3g} {si}" if unit else ""
 
 
 def likely_unit(units: Iterable[Unit], plausible: Callable[[float], bool]) -> Unit | None:
-    """Return the first unit whose size makes a value plausible, or None.
-
-    Args:
-        units: the candidates, the likeliest first.
-        plausible: of the factor on the value.
-    """
+    """Return the first unit (likeliest first) whose size makes a value plausible, or None."""
     return next((unit for unit in units if plausible(unit.size)), None)

@@ -35,7 +35,7 @@ class Mobility:
     Attributes:
         freedoms: number of degrees of freedom that the loops allow.
         undriven: velocities that no drive moves, one for each undriven degree of freedom.
-        redundant: indices of the drives whose share of the work the motion does not determine.
+        redundant: indices of the redundant drives.
     """
 
     freedoms: int
@@ -64,13 +64,8 @@ def mobility_of_linkage(
 ) -> Mobility:
     """Return the mobility of a scene with loops, cylinders or forces.
 
-    Args:
-        twin, linkage: the robot, its loops and drives off the joints.
-        drives: all of the scene.
-        start: (nq,) a configuration near which the loops close; others are used as well, because
-            it may be special.
-        source: the scene, for messages.
-        doubts: loop -> which of its axes are nearly parallel (`alignment.Alignment`).
+    The loops close near `start` (nq,); other configurations are used as well, because it may be
+    singular. `doubts` are those of `alignment.Alignment`.
 
     Raises:
         SceneError: a loop that cannot close, a planar pin whose axes are not parallel.
@@ -115,13 +110,8 @@ def mobility_of_linkage(
 def lightest_joint(model: pin.Model, mass: np.ndarray, closed: np.ndarray) -> str:
     """Return the name of the velocity with the largest part in the lightest motion.
 
-    The eigenvector of the least eigenvalue of N^T M N, with M scaled to a diagonal of ones, and N
-    the motions that loops allow.
-
-    Args:
-        model: of the robot.
-        mass: (nv, nv) M, singular.
-        closed: (m, nv) rows of the loops; an open chain has none.
+    That is the eigenvector of the least eigenvalue of N^T M N, with M (nv, nv), singular, scaled to
+    a diagonal of ones, and N the motions that the rows `closed` (m, nv) of the loops allow.
     """
     own = np.diag(mass)
     scale = 1.0 / np.sqrt(np.where(own > 0.0, own, 1.0))

@@ -57,7 +57,7 @@ class Robot:
     xacro_args: Mapping[str, str] = field(default_factory=dict)
 
     def xml(self) -> ElementTree.Element:
-        """Return a copy of its file, the root element with xacro expanded; see `read_xml`."""
+        """Return a copy of its root element, xacro expanded; see `read_xml`."""
         return copy.deepcopy(self._root)
 
     @cached_property
@@ -127,7 +127,7 @@ def urdf_file(name: str | Path) -> Path:
 def read_robot(
     urdf: Path, locked: Mapping[str, float], xacro_args: Mapping[str, str] | None = None
 ) -> Robot:
-    """Read and check a URDF, with its mimic joints, and fix the joints in `locked`.
+    """Read and check a URDF, with its mimic joints.
 
     Args:
         urdf: the file.
@@ -160,9 +160,8 @@ def mesh_folders(urdf: Path) -> tuple[Path, ...]:
 def check_kinetic_energy(model: pin.Model, source: str) -> None:
     """Refuse a robot with negative kinetic energy, v^T M v / 2 < 0, for some q, v.
 
-    If every body's moments are positive, M is positive definite at every pose. Links with negative
-    moments are accepted if M is positive definite at all poses that a search within the joints'
-    ranges tries.
+    M is positive definite at every pose if all bodies' moments are positive. Links with negative
+    moments are accepted if it is so at all poses that a search within the joints' ranges tries.
     """
     if model.nv == 0:
         return
@@ -203,9 +202,9 @@ def mass_matrix(model: pin.Model, q: np.ndarray) -> np.ndarray:
 
 
 def _worst_pose(model: pin.Model, value: Callable[[np.ndarray], float]) -> np.ndarray:
-    """Return the pose (nq,) with the least value among random ones within the joints' ranges.
+    """Return the pose (nq,) with the least value within the joints' ranges.
 
-    Smaller and smaller changes of the best one are tried.
+    Random poses are tried, then smaller and smaller changes of the best.
     """
     rng, neutral = np.random.default_rng(0), pin.neutral(model)
     lower, upper = (
@@ -315,8 +314,7 @@ class _silent_stderr:  # noqa: N801 - used like a function
 def robot_text(robot: Robot, inertias: Mapping[str, pin.Inertia | None]) -> str:
     """Return a robot's URDF with other inertias; its meshes are named in full.
 
-    Args:
-        robot: as read. inertias: link -> its own, about its centre of mass; None: it has none.
+    `inertias`: link -> its own, about its centre of mass; None: it has none.
     """
     root = robot.xml()
     for link in root.findall("link"):
@@ -374,13 +372,13 @@ def reach_of(model: pin.Model) -> float:
 
 
 def plausible_distance(model: pin.Model) -> float:
-    """Return how far from its link a payload may be (m); infinite where the robot has no length."""
+    """Return how far from its link a payload may be (m); infinite if the robot has no length."""
     reach = reach_of(model)
     return max(_BEYOND * reach, _LEAST_BEYOND) if reach > 0.0 else np.inf
 
 
 def link_frame(model: pin.Model, link: str) -> int:
-    """Return the frame id of a link (a body frame of the model, also of links fixed to others)."""
+    """Return the id of a link's body frame, also of a link fixed to another."""
     if not model.existFrame(link, pin.FrameType.BODY):
         links = [f.name for f in model.frames if f.type == pin.FrameType.BODY]
         raise RobotError(f"there is no link {link!r}; {choose_from(link, links)}")

@@ -105,7 +105,7 @@ class SiteTables(NamedTuple):
 
 
 def payload_names(attached: Iterable[str] | None) -> tuple[str, ...] | None:
-    """Return the names of the payloads carried, which may be one name or a generator, as a tuple.
+    """Return the names of the payloads carried, given as one name or several, as a tuple.
 
     None, the payloads attached by default, stays None.
     """
@@ -117,12 +117,8 @@ def payload_names(attached: Iterable[str] | None) -> tuple[str, ...] | None:
 def expect_scene(scene: object, where: str) -> None:
     """Refuse anything that is not a `Scene`, such as a file's name.
 
-    Args:
-        scene: what was given.
-        where: the function that was called.
-
     Raises:
-        SceneError: says how to make one.
+        SceneError: names `where`, the function called, and says how to make a scene.
     """
     if not isinstance(scene, Scene):
         how = "the result of pf.load_scene"
@@ -135,8 +131,8 @@ def expect_scene(scene: object, where: str) -> None:
 class Scene:
     """A robot with friction in its joints: the immutable input of all dynamics.
 
-    Derived quantities are computed once. `with_` returns a changed scene; a change of `scene.model`
-    itself is refused at the next use (`check_unchanged`).
+    `with_` returns a changed scene. A change of `scene.model` itself is refused at the next use,
+    because derived quantities are computed once (`check_unchanged`).
 
     Args:
         model: Pinocchio's model, without the payloads; copied.
@@ -149,8 +145,8 @@ class Scene:
         simulation: input of `pinfric simulate`.
         source: the file's name, for messages.
         loops: joints that close loops, as `Loop` or as the mappings of a scene file.
-        redundancy_length: l (m): where reactions are not unique, the sum over all joints of
-            |F|^2 + |M/l|^2 is minimized.
+        redundancy_length: l (m): where reactions are not unique, the sum over all joints of |F|^2 +
+            |M/l|^2 is minimized.
         loop_tolerance: largest errors of parallel or perpendicular axes along loops, and of the
             loops' frames, that are corrected (`alignment`).
         tool: link whose frame is the tool's, for its position error due to elastic gears.
@@ -282,7 +278,7 @@ class Scene:
         object.__setattr__(self, "start", dict(self.start))
 
     def _mention_driven_base(self) -> None:
-        """Warn that a floating base is driven where `actuators` are left out."""
+        """Warn that a floating base is driven if `actuators` are left out."""
         if self.actuators is not None:
             return
         for name, joint in zip(self.joint_names, tuple(self.model.joints)[1:], strict=True):
@@ -296,7 +292,7 @@ class Scene:
                 warnings.warn(text, PinfricWarning, stacklevel=1)
 
     def _mention_unused(self) -> None:
-        """Warn of what the model has beside the scene's entries: friction, and rotors twice."""
+        """Warn of friction in the model, which does not count, and of rotors that count twice."""
         model, names, rubbing = self.model, velocity_names(self.model), set(self.friction)
         size = np.abs([model.damping, model.lowerDryFrictionLimit, model.upperDryFrictionLimit])
         pairs = zip(names, size.max(axis=0), strict=True)
@@ -363,8 +359,8 @@ class Scene:
         Args:
             gravity: (3,) m/s^2, in the world's axes.
             changes: arguments of `Scene` (`friction`, `payloads`, `actuators`, `stick_velocity`,
-                `model` ...), each of which replaces the scene's own completely. A guess
-                whose value `friction` replaces is no longer in `assumed`.
+                `model` ...), each of which replaces the scene's own completely. A guess whose value
+                `friction` replaces is no longer in `assumed`.
 
         Raises:
             SceneError: an unknown argument, or an impossible entry.
@@ -399,13 +395,9 @@ class Scene:
         return replace(changed, **now) if now else changed
 
     def with_coefficients(self, friction: Mapping[str, Friction]) -> Scene | None:
-        """Return the scene with other coefficients of joints that rub: it shares all the rest.
+        """Return the scene with other coefficients of some joints' friction, sharing all else.
 
-        Args:
-            friction: joint -> friction; the others keep theirs.
-
-        Returns:
-            None where a loop, or another bearing or joint, would need more than new laws.
+        None if a loop, or another bearing or joint, would need more than new laws.
         """
         known = {site.name: site for site in self.sites}
         if self.linkage is not None or any(
@@ -517,16 +509,12 @@ class Scene:
 
     @property
     def actuator_names(self) -> tuple[str, ...]:
-        """Names of the drives: the columns of every effort, in the order of `drives`.
-
-        With loops or drives off the joints that is the order of the list; else it is the order of
-        the model's joints.
-        """
+        """Names of the drives: the columns of every effort, in the order of `drives`."""
         return tuple(drive.name for drive in self.drives)
 
     @cached_property
     def sites(self) -> tuple[Site, ...]:
-        """The places with friction, in the model's order, then the loops' and cylinders'."""
+        """The places with friction, in the order of `site_names`."""
         twin, names = self.twin(), self.joint_names
         loops = tuple(loop.name for loop in self.loops)
         cylinders = {} if self.linkage is None else self.linkage.cylinders
@@ -558,7 +546,7 @@ class Scene:
 
     @cached_property
     def linkage(self) -> Linkage | None:
-        """Loops, drives off the joints and springs that rub as arrays; None without any."""
+        """Loops, drives off the joints and springs with friction as arrays; None without any."""
         actuators = self.actuators or ()
         rubbing = any(rubs(spring, self.friction) for spring in self.springs)
         if not self.loops and all(a.joint is not None for a in actuators) and not rubbing:
@@ -624,8 +612,8 @@ class Scene:
     def drives(self) -> tuple[Drive, ...]:
         """The drives; a degree of freedom may have none, one or several (`mobility`).
 
-        They are in the order of the model's velocities; with loops or drives off the joints they
-        are in the order of the list.
+        They are in the order of the model's velocities; with loops or drives off the joints in that
+        of the list.
         """
         if self.actuators is None:
             joints = range(1, self.model.njoints)
@@ -695,7 +683,7 @@ class Scene:
 
     @property
     def elastic(self) -> tuple[int, ...]:
-        """Places of the drives whose gears have a `stiffness`."""
+        """Indices of the drives whose gears have a `stiffness`."""
         return tuple(d for d, drive in enumerate(self.drives) if drive.spring is not None)
 
     @property
@@ -774,7 +762,7 @@ class Scene:
             self.__dict__[name] = MappingProxyType(state[name])
 
     def _check_bodies(self) -> None:
-        """Check the masses of links that fixed joints merge; only their sums must be possible."""
+        """Check joints' masses; of links merged by fixed joints only the sum must be possible."""
         for name, inertia in zip(self.joint_names, tuple(self.model.inertias)[1:], strict=True):
             if not 0 <= inertia.mass <= LARGEST:
                 raise SceneError(

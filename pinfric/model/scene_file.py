@@ -126,7 +126,7 @@ def bundled_folder() -> Path:
 def measured_scenes() -> dict[str, Measured]:
     """Return where the friction of bundled robots was measured, by the scenes' names.
 
-    A scene that repeats the measurement of another is a task of that robot, and is left out.
+    A scene that repeats the measurement of another is left out.
     """
     scenes: dict[str, Measured] = {}
     for file in sorted(bundled_folder().glob("*.yaml")):
@@ -169,7 +169,7 @@ def find_file(path: str | Path, suffixes: tuple[str, ...], error: type[PinfricEr
 
 
 def _with_urdf_dynamics(entries: SceneFile, robot: Robot, where: str) -> dict[str, Friction]:
-    """The file's friction, completed from `<dynamics>` where the scene asks for it."""
+    """The file's friction, completed from `<dynamics>` if the scene asks for it."""
     friction = dict(entries.friction)
     movable = set(tuple(robot.model.names)[1:])
     stated = {n: d for n, d in robot.dynamics.items() if n in movable and (d.friction or d.damping)}

@@ -14,13 +14,9 @@ from pinfric.model.schema import LoopTolerance, Redundancy, Simulation, TableEff
 
 
 def scene_content(scene: Scene, robot: Robot, folder: Path, urdf: str = "") -> dict[str, Any]:
-    """Return a scene as a file in some folder has it.
+    """Return a scene as the content of a file in `folder`.
 
-    Args:
-        scene: to be written.
-        robot: its robot.
-        folder: where the file will stand.
-        urdf: file there with the robot's other inertias (`robot_with_bodies`); "": its own.
+    `urdf` is a file there with the robot's other inertias (`robot_with_bodies`); "": its own.
     """
     section: dict[str, Any] = {"urdf": urdf or locator(robot.urdf, folder)}
     section["gravity"] = scene.model.gravity.linear.tolist()
@@ -69,11 +65,7 @@ def scene_content(scene: Scene, robot: Robot, folder: Path, urdf: str = "") -> d
 def robot_with_bodies(robot: Robot, model: pin.Model) -> str:
     """Return the URDF with a model's inertias: each body's at the link that its joint moves.
 
-    Links that are fixed to that link give theirs up: they are one body with it.
-
-    Args:
-        robot: as read.
-        model: its model with other inertias.
+    Links fixed to that link lose theirs: they are one body with it.
     """
     moved_by = {
         str(joint.get("name")): str(child.get("link"))
@@ -88,7 +80,7 @@ def robot_with_bodies(robot: Robot, model: pin.Model) -> str:
 
 
 def _dump(entry: Entry) -> dict[str, Any]:
-    """An entry as a file has it: what is not said is left out, a number stands by itself."""
+    """An entry as a file has it, without defaults; a lone coefficient becomes a number."""
     content = entry.model_dump(exclude_defaults=True)
     return {
         key: value["coefficient"]

@@ -1,7 +1,6 @@
 """The scene's file format: one frozen pydantic model per section.
 
-This module checks what a single entry shows by itself. Checks that need the robot (does the joint
-exist, does the bearing fit it) are in `scene.py`.
+Checks that need the robot (does the joint exist, does the bearing fit it) are in `scene.py`.
 """
 
 from __future__ import annotations

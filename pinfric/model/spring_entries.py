@@ -1,6 +1,6 @@
-"""Springs of a scene: what pushes or turns links by their positions alone, without a drive.
+"""Springs of a scene: forces on links by their positions alone, without a drive.
 
-Not the stiffness of gears, which is part of their transmission (`model.springs`).
+The stiffness of gears is part of their transmission (`model.springs`).
 """
 
 from __future__ import annotations

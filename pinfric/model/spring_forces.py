@@ -1,8 +1,8 @@
 """Forces of a scene's springs as wrenches on links, and their potential energy.
 
 A spring in a joint turns its child link by a torque about its axis, and the parent link by the
-opposite one; a spring between points a and b pulls b towards a and a towards b. Their wrenches
-enter where those from outside do, so all that reads reactions or efforts knows them:
+opposite one; a spring between points a and b pulls b towards a and a towards b. Their wrenches are
+added to those from outside:
 
     w_j -= X_j f,     tau -= J^T f,     J^T f = -dU/dq
 """
@@ -38,8 +38,8 @@ class Springs:
 
     Attributes:
         source: the scene, for messages.
-        in_joints: the springs in joints; joint, parent: (m,) rows of their joints, and of what
-            carries these (-1: the ground); axis: (m, 6) their unit motions.
+        in_joints: the springs in joints; joint, parent: (m,) rows of their joints, and of the
+            joints that carry these (-1: the ground); axis: (m, 6) their unit motions.
         lines: the springs between points; ends: (n, 2) rows of the joints that carry them (-1: the
             ground); points: (n, 2, 3) where, in those joints' frames.
     """
@@ -63,7 +63,8 @@ class Springs:
             p, R: (T, nj, 3), (T, nj, 3, 3) poses of the joints' child frames in the world.
 
         Raises:
-            StateError: the ends of a spring coincide; a gas spring is shorter or longer than it is.
+            StateError: the ends of a spring coincide; the ends of a gas spring are beyond its
+                reach.
         """
         found: list[tuple[int, np.ndarray]] = []
         for k, spring in enumerate(self.in_joints):
@@ -115,7 +116,7 @@ class Springs:
         return np.asarray((pull / np.maximum(length, _COINCIDE))[:, None] * line)
 
     def in_joint(self, row: int) -> tuple[float, float] | None:
-        """Return stiffness and position without torque of a joint's torsion springs together."""
+        """Return stiffness and zero-torque position of a joint's torsion springs together."""
         own = [s for s, at in zip(self.in_joints, self.joint, strict=True) if at == row]
         coils = [s for s in own if isinstance(s, TorsionSpring) and s.stiffness > 0.0]
         stiffness = sum(coil.stiffness for coil in coils)
@@ -153,11 +154,7 @@ def make_springs(
 ) -> Springs | None:
     """Return a scene's springs on its model; None without any.
 
-    Args:
-        model: the robot.
-        axis: (nj, 6) of `twin.Twin`: zero where a joint has no single axis.
-        springs: of the scene. friction: its entries, by name.
-        start: (nq,) where the ends of a spring must not coincide. source: the scene, for messages.
+    `axis` (nj, 6) is `Twin.axis`; at `start` (nq,) the ends of a spring must not coincide.
 
     Raises:
         SceneError: an unknown joint or link, a name given twice, a joint without a single axis or

@@ -159,9 +159,8 @@ def softest(stiffness: float | StiffnessLines | LostMotionStiffness) -> float:
 
 
 def largest_friction(spring: Spring, hysteresis: float) -> float:
-    """Return b = f^-1(H/2), the largest friction behind the spring for a stated hysteresis.
+    """Return b = f^-1(H/2), the largest friction behind the spring for a stated hysteresis H.
 
-    Args:
-        spring: the gear's. hysteresis: H, the whole width at zero torque, rad (m).
+    H is the full width at zero torque, rad (m).
     """
     return float(spring.torque(0.5 * hysteresis))

@@ -1,8 +1,8 @@
 """Whether a robot weighs what robots of its size weigh, with the unit that would explain it.
 
-Judged by the way L along its joints: moving mass over L^3. Of 484 public URDFs the 258 whose masses
-are right have 3.2 kg/m^3 and more; mass over L would call six of them too light, small hands and
-arms, and find fewer whose masses are a tenth.
+Judged is moving mass over L^3, with L the way along its joints. Of 484 public URDFs the 258 whose
+masses are right have 3.2 kg/m^3 and more. (Mass over L would call six of them too light, and find
+fewer whose masses are a tenth.)
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ class MassDoubt:
 
 
 def doubted_mass(model: pin.Model) -> MassDoubt | None:
-    """Return why the mass of a loaded robot is doubted as a whole; None: it is not."""
+    """Return why the mass of a robot with its payloads is doubted as a whole; None: it is not."""
     masses = [body.mass for body in model.inertias]
     moving, way = float(sum(masses[1:])), way_along_joints(model)
     total = moving + masses[0]
@@ -65,8 +65,7 @@ def doubted_mass(model: pin.Model) -> MassDoubt | None:
 def doubted_reach(reach: float) -> MassDoubt | None:
     """Return why lengths, and with them every mass, are doubted; None: they are not.
 
-    Args:
-        reach: m, along the joints.
+    `reach` is in m along the joints.
     """
     if reach <= _FARTHEST:
         return None

@@ -258,7 +258,7 @@ class Transmission(Entry):
 
     @classmethod
     def key_names(cls) -> list[str]:
-        """Return the keys that a mapping may have; of a kind of its own without efficiencies."""
+        """Return the keys that a mapping may have; an added kind has no efficiencies."""
         own = cls is not Transmission
         return [name for name in super().key_names() if not (own and name in _NOT_ITS_OWN)] + (
             [] if own or not GEAR_KINDS else ["kind"]
@@ -299,7 +299,7 @@ class Transmission(Entry):
     def losses(self) -> tuple[LoadLoss, LoadLoss]:
         """Return the losses due to the load where the motor drives, and where the load drives.
 
-        Where the motor drives, a number eta: L = (1/eta - 1) |t|. A maker's efficiencies:
+        Where the motor drives, a number eta gives L = (1/eta - 1) |t|; a maker's efficiencies give
         L = |t| (1/eta - 1) - |r| n(w) at each point, straight between them, in proportion to the
         load beyond the last. Where the load drives: L = (1 - eta_b) |t|, or the same.
 
@@ -343,8 +343,8 @@ class Transmission(Entry):
     def with_losses(self, factor: float) -> Transmission:
         """Return the transmission with all its losses times a factor, exactly at every load.
 
-        A total efficiency eta becomes 1/(1 + factor (1/eta - 1)), a back efficiency
-        1 - factor (1 - eta_b).
+        A total efficiency eta becomes 1/(1 + factor (1/eta - 1)), a back efficiency 1 - factor (1 -
+        eta_b).
         """
         update: dict[str, Any] = {
             name: term.scaled(factor)
@@ -389,9 +389,9 @@ GEAR_KINDS: dict[str, type[OwnTransmission]] = {}
 class OwnTransmission(Transmission):
     """Base class of transmissions whose losses follow from keys of their own.
 
-    A subclass with the decorator `gear_kind` is a new kind; nothing else is edited for it. It has a
-    key `kind`, a `Literal` of one word, keys of its own, and `load_losses`. Ratio, no-load torque,
-    rotor, brake and spring are those of every transmission; efficiencies it has none.
+    A subclass with the decorator `gear_kind` is a new kind. It has a key `kind`, a `Literal` of one
+    word, keys of its own, and `load_losses`. Ratio, no-load torque, rotor, brake and spring are
+    those of every transmission; it has no efficiencies.
     """
 
     kind: str
@@ -440,8 +440,7 @@ def gear_kind(cls: type[_Gear]) -> type[_Gear]:
 def load_part(efficiency: float, load: float, no_load: float) -> float:
     """Return the part of a total loss that is due to the load: load (1/efficiency - 1) - no_load.
 
-    Args:
-        efficiency: total, at this load. load, no_load: at the output (N m or N).
+    `efficiency` is the total at this load; `load` and `no_load` are at the output (N m or N).
     """
     return load * (1.0 / efficiency - 1.0) - no_load
 
@@ -481,10 +480,10 @@ def driven_efficiency(gear: Transmission) -> float:
 
 
 def shock_efficiency(gear: Transmission) -> float:
-    """Return eta_b of a gear that a brake stops: the least of what its figures say.
+    """Return eta_b of a gear that a brake stops.
 
-    Both the ratio of the torques that start it and 2 - 1/eta are models; the smaller makes the
-    larger shock.
+    Both the ratio of the torques that start it and 2 - 1/eta are models; the smaller, which makes
+    the larger shock, is taken.
     """
     back, eta = driven_efficiency(gear), gear.efficiency
     return min(back, 2 - 1 / eta) if isinstance(eta, float) else back
@@ -519,11 +518,8 @@ def _over_speed(
 ) -> tuple[float, float, float, float]:
     """Constant, rise and exponent of g, and its error against the maker's efficiencies.
 
-    Least squares of g(w_i) there = load (1/eta_i - 1) - |r| n(w_i), with constant, rise >= 0.
-
-    Args:
-        gear, given: its efficiencies over the speed.
-        there: L at their load (N m or N).
+    Least squares of g(w_i) `there` = load (1/eta_i - 1) - |r| n(w_i), with constant, rise >= 0;
+    `there` is L at their load (N m or N).
     """
     assert given.load is not None  # the entry requires it
     load, factor = given.load, 1.0 if given.temperature is None else given.temperature.factor

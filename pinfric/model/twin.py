@@ -2,8 +2,8 @@
 
 RNEA on the twin returns, as generalized forces, the wrench that every joint transmits. The
 embedding E(q) maps joint rates to twin rates; it is the paper's partial velocity matrix B (eq. 6)
-written in the twin's relative coordinates, so E^T w is the paper's B^T Q (eq. 7), and the five
-components of w that E^T leaves out are the paper's constraint reactions.
+in the twin's relative coordinates. So E^T w is the paper's B^T Q (eq. 7), and the five components
+of w that E^T leaves out are the paper's constraint reactions.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ class Twin:
         axis: (nj, 6) unit motion subspace of one-degree joints, linear first, zero for others.
         components: (nj, 6) velocity components of many-degree joints, in order, padded with -1.
         armature: (nv,) rotor inertia reflected to the joints, from the model.
-        springs: of the scene, which act on its links; None: it has none.
+        springs: of the scene; None: it has none.
         pools: Pinocchio's pools and data by use and threads; made when first used, not pickled.
     """
 
@@ -108,7 +108,7 @@ class Twin:
         return self.pools[threads]
 
     def plain_pool(self, threads: int) -> pin.ModelPool:
-        """Return the pool of the ordinary model, where nothing looks at reactions."""
+        """Return the pool of the ordinary model, for efforts without reactions."""
         key = "plain", threads
         if key not in self.pools:
             self.pools[key] = pin.ModelPool(self.model, threads)
@@ -244,8 +244,8 @@ def embed(
         q, v, a: (n, nq), (n, nv), (n, nv) of the robot.
         joints: `Twin.embedding`.
         q_twin, v_twin, a_twin: (n, 7 nj), (n, 6 nj), (n, 6 nj), overwritten: position and
-            quaternion (x, y, z, w) of each joint's child side, its twist and its derivative in
-            the child's frame, linear first. Joint bias accelerations are zero for these joints.
+            quaternion (x, y, z, w) of each joint's child side, its twist and its derivative in the
+            child's frame, linear first. Joint bias accelerations are zero for these joints.
     """
     kind, ratio, shift, axis = joints.kind, joints.ratio, joints.shift, joints.axis
     for i in range(q.shape[0]):
@@ -360,16 +360,14 @@ def transmit(
     q_twin: np.ndarray,
     wrench: np.ndarray,
 ) -> None:
-    """Subtract a wrench on one link from the wrenches of every joint that carries it.
+    """Subtract a wrench f on one link from those of all joints between it and the ground.
 
-    A wrench f on a link changes the wrenches of the joints between it and the ground: w_j -= X_j f.
+        w_j -= X_j f
 
     Args:
         wrench_on_link: (n, 6), on the link of joint `start`, in that joint's frame.
-        start: row of the joint whose link the wrench acts on; -1 is the ground.
-        parents: (nj,) row of each joint's parent, -1 for the ground.
-        placement_p, placement_R: (nj, 3), (nj, 3, 3), fixed placement of each joint in its
-            parent's frame.
+        start: row of that joint; -1 is the ground.
+        parents, placement_p, placement_R: as in `kinematics.place_links`.
         q_twin: (n, 7 nj), as `embed` writes it.
         wrench: (n, nj, 6), changed in place.
     """

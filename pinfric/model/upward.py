@@ -1,8 +1,7 @@
 """The functions of higher layers that methods of scenes and results call.
 
-Imports go down only, but `scene.solver()` and `result.plot()` call upward. The package, which is
-above every layer, registers these functions here when it is imported. No other module may call
-upward.
+Imports go down only, but `scene.solver()` and `result.plot()` call upward: the package registers
+their functions here when it is imported. No other module may call upward.
 """
 
 from __future__ import annotations
@@ -56,9 +55,9 @@ class Shown:
         return table
 
     def _repr_html_(self) -> str | None:
-        """Return the result's table for a notebook: the figures with a heading, with units.
+        """Return the result's table for a notebook, with units; None without times.
 
-        None, for which notebooks show `repr`, of what has no table: a result without times.
+        For None notebooks show `repr`.
         """
         try:
             table = self.summary()

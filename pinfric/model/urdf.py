@@ -1,7 +1,7 @@
 """Checks of a URDF: errors that Pinocchio accepts or reports badly are found here.
 
-Parts that every command needs but Pinocchio's model does not keep (<dynamics>, <transmission>) are
-read here, too. yourdfpy reads everything else (`read_document`).
+<dynamics> and <transmission>, which Pinocchio's model does not keep, are read here, too. yourdfpy
+reads everything else (`read_document`).
 """
 
 from __future__ import annotations
@@ -50,13 +50,9 @@ class UrdfDynamics(NamedTuple):
 def check_urdf(root: ElementTree.Element, urdf: Path) -> None:
     """Check the links and joints of a URDF; its meshes are not read.
 
-    A robot without a name gets one in `root`, and numbers are written there as every reader takes
-    them, mimic tags as Pinocchio takes them (`settle_mimics`). Physically impossible inertias are
-    kept, with one `PinfricWarning`, because other programs accept them.
-
-    Args:
-        root: as `read_xml` returns it.
-        urdf: named in messages.
+    In `root` (see `read_xml`) a robot without a name gets one, numbers are rewritten so that every
+    reader accepts them, and mimic tags as Pinocchio takes them (`settle_mimics`). Physically
+    impossible inertias are kept, with one `PinfricWarning`, because other programs accept them.
 
     Raises:
         RobotError: not a URDF, not a tree, or an impossible mass, inertia, axis, limit or mimic.
@@ -72,10 +68,6 @@ def check_urdf(root: ElementTree.Element, urdf: Path) -> None:
 
 def read_document(root: ElementTree.Element, urdf: Path) -> Any:
     """Return links and joints of a checked URDF as yourdfpy's `Robot`; no mesh is loaded.
-
-    Args:
-        root: see `check_urdf`.
-        urdf: named in messages.
 
     Raises:
         RobotError: an entry that yourdfpy cannot read, such as an invalid colour.
@@ -98,7 +90,7 @@ def dynamics(root: ElementTree.Element) -> dict[str, UrdfDynamics]:
 
 
 def _parts(root: ElementTree.Element, tag: str) -> list[tuple[str, ElementTree.Element]]:
-    """The joints that have such a part, with the first of them."""
+    """The joints with an element of this tag, and the first such element of each."""
     tags = ((joint.attrib["name"], joint.find(tag)) for joint in root.findall("joint"))
     return [(name, part) for name, part in tags if part is not None]
 
@@ -203,8 +195,8 @@ _BLANKS = " \t\r\n"
 def _check_numbers(element: ElementTree.Element, where: str) -> None:
     """Check the numbers of an element's parts, and write them as urdfdom reads them.
 
-    One blank stands between two numbers, and an infinite limit is the largest float, which is
-    Pinocchio's word for none.
+    One blank separates two numbers; an infinite limit becomes the largest float, Pinocchio's word
+    for none.
     """
     for part in element.iter():
         for attribute, count in _NUMBERS.get(part.tag, {}).items():
@@ -346,12 +338,8 @@ def still_links(root: ElementTree.Element) -> set[str]:
 def implausible_body(mass: float, inertia: np.ndarray) -> str | None:
     """Return why no rigid body has this mass and inertia about its centre of mass, or None.
 
-    J's principal moments are sums of integrals over the body, so each is at most the sum of the
-    other two (triangle inequality), within the rounding of a file.
-
-    Args:
-        mass: kg.
-        inertia: (3, 3), kg m^2, about the centre of mass.
+    Each principal moment is at most the sum of the other two (triangle inequality), within the
+    rounding of a file. `mass` is in kg, `inertia` (3, 3) in kg m^2.
     """
     if not math.isfinite(mass) or not np.isfinite(inertia).all():
         return "mass or inertia is not finite"
@@ -418,10 +406,8 @@ def mesh_file(name: str | None, urdf: Path, package_dirs: Sequence[Path]) -> Pat
 def read_mesh_scene(path: Path) -> tuple[Any, float]:
     """Return a mesh file as trimesh's scene, and the metres that one of its units has.
 
-    Collada files name their unit, and RViz and Gazebo apply it; other formats are in metres.
-
-    Raises:
-        Exception: whatever the format's reader raises.
+    Collada files name their unit, which RViz and Gazebo apply; other formats are in metres. Raises
+    whatever the format's reader raises.
     """
     import trimesh  # 0.4 s: only where a mesh is there
 

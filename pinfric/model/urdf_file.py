@@ -35,12 +35,8 @@ NAMELESS = "robot"
 def read_xml(urdf: Path, xacro_args: Mapping[str, str] | None = None) -> ElementTree.Element:
     """Return a URDF's root element, with xacro expanded.
 
-    A `.urdf` in which tags of xacro are left over that do not expand is read without them, with a
-    warning, where no name and no number depends on them.
-
-    Args:
-        urdf: the file.
-        xacro_args: its arguments and their values.
+    A `.urdf` with leftover xacro tags that do not expand is read without them, with a warning, if
+    no name and no number depends on them.
 
     Raises:
         RobotError: it cannot be read, is not XML, is another format, or xacro that does not expand;
@@ -102,7 +98,7 @@ def _is_xacro(root: ElementTree.Element) -> bool:
 
 
 def _without_xacro(root: ElementTree.Element) -> bool:
-    """Remove the tags of xacro; whether what is left names no expression but files of meshes."""
+    """Remove the tags of xacro; return whether only mesh files still depend on expressions."""
     for element in list(root.iter()):
         for inner in list(element):
             if isinstance(inner.tag, str) and _TAG.match(inner.tag):
@@ -236,7 +232,7 @@ def _expanded(
 
 
 def _package_not_found(name: str, urdf: Path) -> str:
-    """Where a package was looked for."""
+    """The message with the places where a package was looked for."""
     paths = {key: os.environ.get(key) for key in ("ROS_PACKAGE_PATH", "AMENT_PREFIX_PATH")}
     places = [f"{key} ({value or 'not set'})" for key, value in paths.items()]
     return (

@@ -1,4 +1,4 @@
-"""Read and write YAML 1.2: no objects, no duplicate keys, comments beside what they are of."""
+"""Read and write YAML 1.2 without objects and duplicate keys, with comments beside entries."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ _MOST_REPEATS = 100
 
 
 def path_of(path: object, error: type[PinfricError]) -> Path:
-    """Return the path of a file's name; refuse what is none."""
+    """Return the path of a file's name; raise `error` if it is no name."""
     if not isinstance(path, str | os.PathLike):
         raise error(f"the file is a {type(path).__name__}; should be a name or a path")
     return Path(path)
@@ -74,7 +74,7 @@ def read_yaml(
         path: the file.
         error: what is raised, naming the file (and the line where YAML itself is malformed).
         kind: its first key, one of `FORMATS`; a file of another kind is refused as such.
-        check: raises what is said of a file that is not worth parsing.
+        check: raises if the content is not worth parsing.
     """
     from ruamel.yaml.error import YAMLError
 
@@ -128,10 +128,10 @@ def _order(*kinds: str) -> str:
 
 
 def refuse_result(path: Path, content: Mapping[str, Any], error: type[PinfricError]) -> None:
-    """Refuse what `--out` and `--json` write where a command reads a file.
+    """Refuse a result of `--out` or `--json` where a command reads a file.
 
     Raises:
-        PinfricError: `error`: it is one, and what to take instead.
+        PinfricError: `error`, with what to take instead.
     """
     command = str(content.get("command", "")) if "pinfric" in content else ""
     if command := "export" if "pinfric_constants" in content else command:
@@ -146,7 +146,7 @@ def bounded(path: Path, error: type[PinfricError], most: int = _LARGEST_FILE) ->
     """Return a file's bytes, at most so many.
 
     Raises:
-        PinfricError: `error`: it is larger than any that is meant, as a device without end is.
+        PinfricError: `error`: the file is larger, as a device without end is.
         OSError: it cannot be read.
     """
     note_input(path)
@@ -169,7 +169,7 @@ def _load(text: str) -> Any:
 
 
 def _check_aliases(root: Any) -> None:
-    """Refuse a file whose aliases stand for far more than it has, or for themselves."""
+    """Refuse aliases that expand to far more entries than the file has, or refer to themselves."""
     from ruamel.yaml.composer import ComposerError
     from ruamel.yaml.nodes import MappingNode, ScalarNode
 
@@ -198,7 +198,7 @@ def _check_aliases(root: Any) -> None:
 
 @cache
 def _constructor() -> type:
-    """The library's, which says the line of a value that its type does not fit."""
+    """The library's constructor, with the line of a value that does not fit its type."""
     from ruamel.yaml.constructor import ConstructorError, SafeConstructor
 
     class Constructor(SafeConstructor):
@@ -215,11 +215,9 @@ def _constructor() -> type:
 
 
 def yaml_text(content: Any, comments: Mapping[tuple[str, ...], str] | None = None) -> str:
-    """Return content as YAML: what is flat on one line, the rest indented.
+    """Return content as YAML: flat mappings and sequences on one line, others indented.
 
-    Args:
-        content: mappings, sequences and scalars.
-        comments: by the path of keys (and numbers, as text) that they stand beside.
+    `comments` are keyed by the path of keys (and indices, as text) that they stand beside.
     """
     yaml = _yaml("rt")
     yaml.indent(mapping=2, sequence=4, offset=2)
@@ -278,10 +276,10 @@ def _with_comments(value: Any, at: tuple[str, ...], comments: Mapping[tuple[str,
 
 
 def brief(value: object, letters: int = _SHOWN) -> str:
-    """Return repr(value), cut in its middle where it is too long for a message."""
+    """Return repr(value), cut in its middle if it is too long for a message."""
     return cut(repr(value), letters)
 
 
 def brief_path(path: str | Path) -> str:
-    """Return a path for a message; whole unless no file system would take it."""
+    """Return a path for a message, whole unless no file system would take it."""
     return cut(str(path), 4096 if max(map(len, Path(path).parts), default=0) < 256 else _SHOWN)
