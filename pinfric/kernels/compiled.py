@@ -186,7 +186,7 @@ def _as_kept(compile_core: Callable[..., Any], index: str) -> Callable[..., Any]
 
 
 def is_ready(made: Any, arguments: tuple[Any, ...]) -> bool:
-    """Whether to call a kernel compiled: it is compiled or cached, or interpreting took too long."""
+    """Whether to call a kernel compiled: it is, or is cached, or no time to interpret is left."""
     if CLOCK.is_over():
         return True
     if made.overloads or made not in _MISSING:

@@ -1,4 +1,4 @@
-"""The drives of a catalogue, motor and gear, that a sweep puts on trial by the criteria of `size`."""
+"""The drives of a catalogue that a sweep puts on trial by the criteria of `size`."""
 
 from __future__ import annotations
 

@@ -454,7 +454,7 @@ def draw(targets: Sequence[Target], sweep: SweepFile) -> np.ndarray:
 
 
 def seeded(function: Any, before: str, seed: int) -> dict[str, np.random.Generator]:
-    """Return the argument that seeds one of SciPy's functions: `rng`, or its older name `before`."""
+    """Return the argument that seeds one of SciPy's functions: `rng`, or `before` in older ones."""
     known = signature(function).parameters
     return {"rng" if "rng" in known else before: np.random.default_rng(seed)}
 

@@ -262,7 +262,7 @@ def _is_linear(scene: Scene, targets: Sequence[Target]) -> bool:
 
 
 def _varied_payloads(targets: Sequence[Target]) -> dict[str, list[str]]:
-    """Return the keys of each payload that vary, those of the centre of mass in the order x, y, z."""
+    """Return the keys of each payload that vary, those of its centre of mass ordered x, y, z."""
     changes: dict[str, list[str]] = {}
     for name, key in sorted({(t.names[0], t.key) for t in targets if t.section == "payload"}):
         changes.setdefault(name, []).append(key)
@@ -304,7 +304,7 @@ def _places(scene: Scene, targets: Sequence[Target]) -> Iterator[Scene]:
 
 
 def _causes(scene: Scene, targets: Sequence[Target]) -> list[tuple[np.ndarray, bool]]:
-    """Return gravity (3,), and whether the robot moves, of each part with a coefficient of its own."""
+    """Return gravity (3,), and whether the robot moves, of each part with an own coefficient."""
     sections, gravity = {target.section for target in targets}, scene.model.gravity.linear
     if "mounting" in sections:
         return [*((axis, False) for axis in np.eye(3)), (np.zeros(3), True)]

@@ -111,7 +111,7 @@ def _signals_kept() -> Iterator[None]:
 
 
 def _packed(study: Study) -> Packed:
-    """Pickle the study with classes and functions of a notebook or script, and rows of `add_limit`."""
+    """Pickle the study, with classes and functions of a script, and rows of `add_limit`."""
     import cloudpickle
 
     return __version__, cloudpickle.dumps((study, LIMITS[OWN_LIMITS:]))
