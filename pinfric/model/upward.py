@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from pinfric.dynamics.forward.solver import Solver
-    from pinfric.model.scene import Scene
 
 #: The registered functions by their public names.
 NAMES = ("Solver", "plot", "summary")
@@ -29,7 +28,7 @@ def register(name: str, function: Callable[..., Any]) -> None:
     _FUNCTIONS[name] = function
 
 
-def make_solver(scene: Scene, attached: Iterable[str] | None) -> Solver:
+def make_solver(scene: object, attached: Iterable[str] | None) -> Solver:
     """Return `pf.Solver(scene, attached)`."""
     solver: Solver = _FUNCTIONS["Solver"](scene, attached)
     return solver
