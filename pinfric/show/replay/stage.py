@@ -19,14 +19,13 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from pinfric.model.equivalent_box import payload_box
 from pinfric.model.loops import CYLINDER, FORCE, Linkage, turn_between
 from pinfric.model.scene import Scene, Site
 from pinfric.show.replay import markers
 from pinfric.show.replay.drawn import Surface, Track
 from pinfric.show.replay.markers import ARC, COLORS, FORCE_COLOR, PAYLOAD_COLOR, Marker
 from pinfric.show.replay.meshes import DrawnShape, fewer_triangles
-from pinfric.show.replay.shapes import UP, box_mesh, linkage_frame, robot_shapes
+from pinfric.show.replay.shapes import UP, box_mesh, linkage_frame, payload_box, robot_shapes
 from pinfric.show.timeline.frames import Frames
 
 LINE_COLOR = "#5D6B78"

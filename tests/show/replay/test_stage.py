@@ -5,7 +5,7 @@ import warnings
 import numpy as np
 import pinocchio as pin
 import pytest
-from builders import example, random_tree
+from builders import example, lump, random_tree
 from mechanisms import add_link, bar, four_bar, grounded_model, pin_friction, shifted
 from numpy.testing import assert_allclose, assert_array_equal
 from replay_cases import ROBOTS, arm, drawn
@@ -14,7 +14,7 @@ import pinfric as pf
 from pinfric.errors import PinfricWarning
 from pinfric.show.replay.meshes import fewer_triangles, painted, urdf_visuals
 from pinfric.show.replay.page import RecordingWindow
-from pinfric.show.replay.shapes import robot_shapes
+from pinfric.show.replay.shapes import equivalent_box, robot_shapes
 from pinfric.show.replay.stage import SEGMENTS, SIDES, _tube, set_stage, tool_stops
 from pinfric.show.timeline.frames import make_frames
 
@@ -171,3 +171,26 @@ def test_urdfs_primitives_are_drawn_as_they_are():
     assert_allclose(np.ptp(bar.mesh.vertices, axis=0), [0.07, 0.4, 0.07])
     assert_array_equal(bar.placement.translation, [0, 0.2, 0])
     assert tuple(bar.mesh.visual.vertex_colors[0]) == (204, 76, 64, 255)
+
+
+def test_box_of_equal_inertia_has_the_bodys_moments():
+    edges = np.array([0.3, 0.2, 0.7])
+    mass, turn = 2.5, pin.exp3(np.array([0.4, -0.2, 0.9]))
+    moments = mass / 12 * (edges @ edges - edges**2)
+    body = pin.Inertia(mass, np.array([0.1, 0.2, 0.3]), turn @ np.diag(moments) @ turn.T)
+    box = equivalent_box(body)
+    assert_allclose(np.sort(box.edges), np.sort(edges), rtol=1e-9)
+    axes = box.placement.rotation
+    back = axes @ np.diag(mass / 12 * (box.edges @ box.edges - box.edges**2)) @ axes.T
+    assert_allclose(back, body.inertia, atol=1e-12)
+    assert_array_equal(box.placement.translation, body.lever)
+    assert equivalent_box(pin.Inertia.Zero()) is None
+
+
+@pytest.mark.parametrize(("mass", "drawn"), [(1.0, True), (1e-300, False), (1e-30, False)])
+def test_an_inertia_without_mass_is_no_box_beyond_every_machine(mass, drawn):
+    """0.1 kg m^2 with 1e-300 kg is a cube of 8e149 m, which single precision does not hold."""
+    box = equivalent_box(lump(mass, moment=0.1))
+    assert (box is not None) == drawn
+    if drawn:
+        assert_allclose(box.edges, np.sqrt(0.6), rtol=1e-12)
