@@ -39,7 +39,6 @@ from pinfric.drives.policy import (
 from pinfric.dynamics.forward.holds import holds
 from pinfric.dynamics.inverse.inverse import inverse_dynamics
 from pinfric.dynamics.inverse.result import InverseResult
-from pinfric.dynamics.samples.motor_torques import drive_stick_velocity
 from pinfric.errors import PinfricError
 from pinfric.model.described import EFFORT, derived, described, quantity
 from pinfric.model.scene import Scene
@@ -260,7 +259,7 @@ def rest_of(scene: Scene, i: int, load: np.ndarray, peak: float, speed: float) -
     drive, guesses = scene.drives[i], () if scene.assumed is None else scene.assumed.values
     unsure = any(place.startswith(("robot.masses", "robot.payloads")) for place in guesses)
     own = own_friction(scene, drive.name)
-    moves = speed > drive_stick_velocity(scene, drive)
+    moves = speed > scene.stick_velocity_of(drive)
     return RestDemand(load, peak, own, moves, scene.stops is not None, unsure)
 
 

@@ -17,7 +17,6 @@ from pinfric.drives.bearing import (
 from pinfric.drives.duty import Schedule, once
 from pinfric.drives.overload import longest_above
 from pinfric.dynamics.inverse.result import InverseResult
-from pinfric.dynamics.samples.motor_torques import drive_stick_velocity
 from pinfric.dynamics.samples.reversals import reversals
 from pinfric.errors import StateError
 from pinfric.kernels.compiled import kernel
@@ -188,7 +187,7 @@ def drive_cycle(
     """
     if result.t is None or len(result.t) < 2:
         raise StateError("sizing needs a motion with times and at least two samples")
-    stick = drive_stick_velocity(result.scene, result.scene.drives[actuator])
+    stick = result.scene.stick_velocity_of(result.scene.drives[actuator])
     velocity = result.actuator_velocity[:, actuator]  # a cylinder's rate is no joint's
     turns = reversals(velocity[:, None], np.array([stick]))[:, 0]
     on = (duty or once(len(result.t))).powered(len(result.t))
@@ -217,7 +216,7 @@ def hold_samples(scene: Scene, v: np.ndarray) -> np.ndarray:
     limits = np.full(v.shape[1], scene.stick_velocity)
     for drive in scene.drives:
         if drive.velocity_index >= 0:  # a cylinder moves no column of its own
-            limits[drive.velocity_index] = drive_stick_velocity(scene, drive)
+            limits[drive.velocity_index] = scene.stick_velocity_of(drive)
     return drop_single_samples((np.abs(v) <= limits).all(axis=1))
 
 

@@ -17,7 +17,6 @@ from pinfric.drives.demand import hold_samples
 from pinfric.drives.inertia import joint_inertias
 from pinfric.dynamics.inverse.inverse import inverse_dynamics
 from pinfric.dynamics.inverse.result import InverseResult, runs
-from pinfric.dynamics.samples.motor_torques import drive_stick_velocity
 from pinfric.elastic.places import extents, farthest, joint_answer
 from pinfric.elastic.vibration import (
     Mode,
@@ -453,7 +452,7 @@ def _direction(result: InverseResult, hold: int) -> np.ndarray:
     stick = np.full(scene.model.nv, scene.stick_velocity)
     for drive in scene.drives:
         if drive.velocity_index >= 0:
-            stick[drive.velocity_index] = drive_stick_velocity(scene, drive)
+            stick[drive.velocity_index] = scene.stick_velocity_of(drive)
     moving = np.abs(v) > stick
     if scene.loops:
         some = np.flatnonzero(moving.any(axis=1))

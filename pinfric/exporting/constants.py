@@ -18,7 +18,6 @@ from scipy.optimize import nnls
 
 from pinfric.dynamics.inverse.inverse import inverse_dynamics
 from pinfric.dynamics.inverse.result import InverseResult
-from pinfric.dynamics.samples.motor_torques import drive_stick_velocity
 from pinfric.dynamics.samples.random_states import random_states
 from pinfric.errors import PinfricError
 from pinfric.model.described import EFFORT, INERTIA, SPEED, described, effort_where, quantity
@@ -123,7 +122,7 @@ class _Sampled(NamedTuple):
         return cls(result, *measured_interval(result, "reflected"))
 
     def slow(self, d: int) -> np.ndarray:
-        limit = drive_stick_velocity(self.result.scene, self.result.scene.drives[d])
+        limit = self.result.scene.stick_velocity_of(self.result.scene.drives[d])
         return np.abs(self.result.actuator_velocity[:, d]) <= limit
 
     def moving(self, d: int) -> np.ndarray:

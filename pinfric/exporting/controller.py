@@ -13,7 +13,6 @@ from pinfric.dynamics.forward.compensation import freedom_names
 from pinfric.dynamics.forward.solver import compensated_states
 from pinfric.dynamics.inverse.inverse import inverse_dynamics
 from pinfric.dynamics.inverse.result import InverseResult
-from pinfric.dynamics.samples.motor_torques import drive_stick_velocity, scene_gears
 from pinfric.exporting.cpp import Bounds, CppFiles, EmbeddedState, cpp_files, default_frames
 from pinfric.model.brief import file_name
 from pinfric.model.scene import Scene
@@ -88,7 +87,7 @@ def compensation(result: InverseResult, end: str) -> np.ndarray:
         result: with the drives.
         end: "lower" or "upper", of `joint_effort`.
     """
-    gears = scene_gears(result.scene)
+    gears = result.scene.gears()
     rotors = gears.ratio**2 * gears.rotor_inertia * result.actuator_acceleration
     effort: np.ndarray = getattr(result, f"joint_effort_{end}")
     return effort - rotors - result.effort_frictionless
@@ -122,7 +121,7 @@ def level_uncertainty(
     values = np.array([target.distribution.values for target in targets])[:, :_DRAWS]  # type: ignore[attr-defined]
     picked = np.unique(np.linspace(0, len(result.status) - 1, _LEVELS).astype(int))
     q, v, a = (array[picked] for array in (result.states.q, result.states.v, result.states.a))
-    stick = np.array([drive_stick_velocity(scene, drive) for drive in scene.drives])
+    stick = np.array([scene.stick_velocity_of(drive) for drive in scene.drives])
     moving = np.abs(result.actuator_velocity[picked]) > stick
     levels = np.array(
         [

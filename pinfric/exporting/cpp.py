@@ -29,7 +29,6 @@ from pinfric.dynamics.forward.compensation import (
     freedom_names,
     reach,
 )
-from pinfric.dynamics.samples.motor_torques import scene_gears
 from pinfric.errors import PinfricError, choose_from, one_line
 from pinfric.model.bearings import axes_along, contacts
 from pinfric.model.couples import delivery, rate_rows, taking_part
@@ -330,7 +329,7 @@ def _laws(scene: Scene) -> tuple[list[tuple[str, str]], ...]:
 
 def _drives(scene: Scene) -> tuple[list[tuple[str, str]], list[tuple[str, str]]]:
     """Drives, and the lines of their gears' losses."""
-    gears = scene_gears(scene)
+    gears = scene.gears()
     fields = (
         "ratio",
         "rotor_inertia",

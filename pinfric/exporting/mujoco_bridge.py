@@ -25,7 +25,6 @@ import numpy as np
 import pinocchio as pin
 
 from pinfric.dynamics.forward.compensation import check_compensated
-from pinfric.dynamics.samples.motor_torques import scene_gears
 from pinfric.errors import PinfricError, choose_from
 from pinfric.exporting.mujoco_callback import Callback, jams, with_memory
 from pinfric.exporting.tree import bodies
@@ -198,7 +197,7 @@ class _Robot:
         for row, body in zip(self._axis, own, strict=True):
             row[:3] = body.axis if body.joint.unit == "m" else 0.0
             row[3:] = body.axis if body.joint.unit != "m" else 0.0
-        self._tables, self._gears = scene.site_tables, scene_gears(scene)
+        self._tables, self._gears = scene.site_tables, scene.gears()
         self._site = np.full(len(own), -1)
         self._site[self._tables.velocity_index] = np.arange(len(scene.sites))
         self._armature = np.array([body.armature for body in own])

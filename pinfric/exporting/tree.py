@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from pinfric.dynamics.samples.motor_torques import scene_gears
 from pinfric.errors import PinfricError
 from pinfric.exporting.constants import JointConstants
 from pinfric.model.scene import Scene
@@ -80,7 +79,7 @@ def rotor_inertias(scene: Scene) -> np.ndarray:
 
     In the order of `check_plain_tree`.
     """
-    own, gears = scene.model.armature, scene_gears(scene)
+    own, gears = scene.model.armature, scene.gears()
     reflected = (gears.ratio**2 * gears.rotor_inertia).tolist()
     rotors = dict(zip([d.velocity_index for d in scene.drives], reflected, strict=True))
     columns = [column.index_v for column in check_plain_tree(scene)]

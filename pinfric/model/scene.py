@@ -21,10 +21,17 @@ from pinfric.model.brief import counted, file_name, listed, screen
 from pinfric.model.closure import close, velocity_indices, velocity_names
 from pinfric.model.coordinates import from_angles
 from pinfric.model.couples import check_couples, taking_part
-from pinfric.model.drives import Drive
+from pinfric.model.drives import Drive, Gears, gear_table
 from pinfric.model.entry import parse
 from pinfric.model.laws import FrictionLaw, Laws, checked_law, friction_law, law_table
-from pinfric.model.loops import Linkage, check_bearing, make_linkage, rubs, slides
+from pinfric.model.loops import (
+    Linkage,
+    OffJointDrive,
+    check_bearing,
+    make_linkage,
+    rubs,
+    slides,
+)
 from pinfric.model.magnitudes import LARGEST
 from pinfric.model.mobility import Mobility, mobility_of_linkage, mobility_of_tree
 from pinfric.model.robot import (
@@ -639,6 +646,24 @@ class Scene:
         if self.linkage is None:
             ordered.sort(key=lambda drive: drive.velocity_index)
         return tuple(ordered)
+
+    def gears(self, brakes: bool = True) -> Gears:
+        """Return the drives' transmissions, and their closed brakes, as arrays for the kernels."""
+        stick = [self.stick_velocity_of(drive) for drive in self.drives]
+        closed = [self.closed_brakes.get(drive.name, 0.0) * brakes for drive in self.drives]
+        return gear_table([drive.transmission for drive in self.drives], stick, closed)
+
+    def stick_velocity_of(self, drive: Drive) -> float:
+        """Return the stick velocity of the drive's site, else the scene's default."""
+        moved = drive.name
+        if isinstance(drive, OffJointDrive) and self.linkage is not None:
+            pair = int(self.linkage.column_pair[drive.column])
+            moved = self.loops[pair].name if pair < len(self.loops) else moved
+        for site in self.sites:
+            joint = site.velocity_index == drive.velocity_index >= 0 and site.ratio == 1.0
+            if joint or site.name == moved:
+                return site.law.stick_velocity
+        return self.stick_velocity
 
     def _check_brakes(self) -> None:
         geared = [drive.name for drive in self.drives if drive.transmission is not None]

@@ -12,7 +12,6 @@ from pinfric.drives.limit import signals
 from pinfric.drives.limits import instant_limits
 from pinfric.dynamics.inverse.inverse import inverse_dynamics
 from pinfric.dynamics.inverse.result import InverseResult
-from pinfric.dynamics.samples.motor_torques import drive_stick_velocity
 from pinfric.errors import RetimeError
 from pinfric.model.couples import rate_rows
 from pinfric.model.drives import gear_table
@@ -93,7 +92,7 @@ class PathProblem:
         np.minimum.at(share, grid.start, self.share)
         np.minimum.at(share, grid.end, self.share)
         top = share**2 * np.minimum(top, own)
-        stick = [drive_stick_velocity(self.scene, drive) for drive in drives]
+        stick = [self.scene.stick_velocity_of(drive) for drive in drives]
 
         def least(signal: str) -> np.ndarray:
             return np.array([x.least(signal) for x in limits])

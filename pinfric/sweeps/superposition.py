@@ -23,7 +23,6 @@ import pinocchio as pin
 from pinfric.drives.inertia import joint_inertias
 from pinfric.dynamics.inverse.inverse import inverse_dynamics
 from pinfric.dynamics.inverse.result import InverseResult
-from pinfric.dynamics.samples.motor_torques import scene_gears
 from pinfric.dynamics.samples.states import States, attached_columns
 from pinfric.model.drives import Gears
 from pinfric.model.friction_terms import CONSTANT, FrictionTerm, Stribeck
@@ -111,7 +110,7 @@ class Superposition:
             weight=_weights(trajectory.t),
             displacement=away,
             sites=sites._replace(joint=np.arange(len(scene.sites))),
-            stick_velocity=scene_gears(scene).stick_velocity,
+            stick_velocity=scene.gears().stick_velocity,
             geared=any(drive.transmission is not None for drive in scene.drives),
         )
         basis = Basis(np.stack(efforts), np.stack(wrenches))
@@ -389,7 +388,7 @@ def gears_of_samples(scene: Scene, targets: Sequence[Target], values: np.ndarray
 
     Args: as `laws_of_samples`.
     """
-    gears = scene_gears(scene)
+    gears = scene.gears()
     varied = [j for j, target in enumerate(targets) if target.section == "transmission"]
     factor = {
         name: np.ones((len(values) if varied else 1, *getattr(gears, name).shape))

@@ -7,7 +7,6 @@ from typing import NamedTuple
 import numpy as np
 
 from pinfric.dynamics.problem.machine import Machine
-from pinfric.dynamics.samples.motor_torques import scene_gears
 from pinfric.kernels.arrays import array, make
 from pinfric.kernels.compiled import record
 from pinfric.model.drives import Gears, lossy_gears
@@ -79,7 +78,7 @@ record_tables = record(Tables)
 
 def make_tables(scene: Scene, twin: Twin, machine: Machine) -> Tables:
     """Make the tables of an open chain with the masses of one payload."""
-    drives, gears = machine.plan.drives, scene_gears(scene, brakes=False)
+    drives, gears = machine.plan.drives, scene.gears(brakes=False)
     x = make(
         Tables,
         nj=twin.n_joints,

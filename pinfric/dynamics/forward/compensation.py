@@ -23,7 +23,6 @@ import numpy as np
 
 from pinfric.dynamics.problem.accelerations import is_normalized
 from pinfric.dynamics.problem.machine import ChainState, read_sites
-from pinfric.dynamics.samples.motor_torques import scene_gears
 from pinfric.errors import PinfricError, StateError
 from pinfric.kernels.compiled import kernel, record
 from pinfric.model.arrays import real_numbers
@@ -181,7 +180,7 @@ def make_compensated(scene: Scene) -> Compensated:
     own = np.array([drive.velocity_index for drive in drives], dtype=np.int64)
     return Compensated(
         sites=tables._replace(joint=np.arange(len(scene.sites))),
-        gears=scene_gears(scene),
+        gears=scene.gears(),
         own=own,
         rate=rate_rows(drives, nv),
         delivery=P if P.size else np.eye(len(drives)),

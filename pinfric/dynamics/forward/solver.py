@@ -44,7 +44,6 @@ from pinfric.dynamics.inverse.undriven import check_shares, negligible_efforts
 from pinfric.dynamics.problem.accelerations import is_normalized
 from pinfric.dynamics.problem.machine import ChainState, read_sites
 from pinfric.dynamics.samples.motion_kernels import TreeSamples, bound_within
-from pinfric.dynamics.samples.motor_torques import scene_gears
 from pinfric.dynamics.samples.outcome import Status
 from pinfric.dynamics.samples.reactions import AppliedWrench, applied_wrenches, external_frame
 from pinfric.dynamics.samples.states import States, one_of, vector
@@ -224,7 +223,7 @@ def make_sample(ws: Workspace, scene: Scene) -> Sample:
         a=np.zeros((1, ws.nv)),
         chain=ChainState.of(ws.machine),
         sites=scene.site_tables._replace(joint=np.arange(ns)),
-        gears=scene_gears(scene, brakes=False),
+        gears=scene.gears(brakes=False),
         geared=np.array([geared]),
         turns=np.zeros((1, na), dtype=bool),
         found=TreeSamples._make(

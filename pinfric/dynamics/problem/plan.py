@@ -15,7 +15,6 @@ from typing import NamedTuple, TypeVar, cast
 
 import numpy as np
 
-from pinfric.dynamics.samples.motor_torques import scene_gears
 from pinfric.kernels.compiled import KernelArgument, record
 from pinfric.model.closure import actions_of
 from pinfric.model.couples import delivery, rate_rows
@@ -368,7 +367,7 @@ def _number_drives(scene: Scene, keys: list[_Key], entries: int, motors: bool) -
     velocity_index = np.array([d.velocity_index for d in scene.drives], dtype=np.int64)
     _, cost, shifts = _shares(scene)
     geared = scene.drives if motors else ()
-    gears = scene_gears(scene) if motors else gear_table([], [])
+    gears = scene.gears() if motors else gear_table([], [])
     entry, coordinate = np.full((2, len(geared)), -1, dtype=np.int64)
     for d in np.flatnonzero(lossy_gears(gears)):
         key = int(geared[d].velocity_index), geared[d].column, -1

@@ -6,8 +6,7 @@ import numpy as np
 
 from pinfric.dynamics.samples.reversals import reversals
 from pinfric.dynamics.samples.states import States
-from pinfric.model.drives import Drive, Gears, gear_table, write_motor_torques
-from pinfric.model.loops import OffJointDrive
+from pinfric.model.drives import write_motor_torques
 from pinfric.model.scene import Scene
 
 
@@ -33,7 +32,7 @@ def motor_torques(
     """
     if not any(drive.transmission for drive in scene.drives):
         return efforts
-    gears, inner = scene_gears(scene, brakes=False), states.inside(whole)
+    gears, inner = scene.gears(brakes=False), states.inside(whole)
     at_rest = np.zeros(velocity.shape, dtype=bool)
     if states.t is not None:
         at_rest = reversals(velocity, gears.stick_velocity)
@@ -42,23 +41,3 @@ def motor_torques(
     motion = velocity[inner], acceleration[inner], at_rest[inner]
     write_motor_torques(gears, lower, upper, *motion, *torques)
     return torques
-
-
-def scene_gears(scene: Scene, brakes: bool = True) -> Gears:
-    """Return the transmissions of a scene's drives, and their closed brakes, as arrays."""
-    stick = [drive_stick_velocity(scene, drive) for drive in scene.drives]
-    closed = [scene.closed_brakes.get(drive.name, 0.0) * brakes for drive in scene.drives]
-    return gear_table([drive.transmission for drive in scene.drives], stick, closed)
-
-
-def drive_stick_velocity(scene: Scene, drive: Drive) -> float:
-    """Return the stick velocity of the drive's site, else the scene's default."""
-    moved = drive.name
-    if isinstance(drive, OffJointDrive) and scene.linkage is not None:
-        pair = int(scene.linkage.column_pair[drive.column])
-        moved = scene.loops[pair].name if pair < len(scene.loops) else moved
-    for site in scene.sites:
-        joint = site.velocity_index == drive.velocity_index >= 0 and site.ratio == 1.0
-        if joint or site.name == moved:
-            return site.law.stick_velocity
-    return scene.stick_velocity

@@ -16,7 +16,6 @@ import pinocchio as pin
 
 from pinfric.dynamics.inverse.result import StickInterval, runs
 from pinfric.dynamics.samples.closure import working_rates
-from pinfric.dynamics.samples.motor_torques import scene_gears
 from pinfric.dynamics.samples.reactions import spring_energy
 from pinfric.errors import PinfricError, SimulationError, StateError
 from pinfric.model.arrays import real_numbers
@@ -248,7 +247,7 @@ class Motion(Shown):
         change, ns = total(-1) - total(0), len(self.scene.sites)
         if self.motor_torque is not None:
             ends = self.q[[0, -1]], self.v[[0, -1]]
-            gears, (rate, _) = scene_gears(self.scene), working_rates(self.scene, *ends)
+            gears, (rate, _) = self.scene.gears(), working_rates(self.scene, *ends)
             rotors = 0.5 * gears.ratio**2 * gears.rotor_inertia * rate**2
             change += float((rotors[1] - rotors[0]).sum())
         return Energy(
@@ -408,7 +407,7 @@ class Dense:
         half = (end - start) / 2
         part = self.sample(motion, start + half * (1 + nodes))
         if motion.motor_torque is not None and depth < _MOST_HALVES:
-            lossy = lossy_gears(scene_gears(motion.scene))
+            lossy = lossy_gears(motion.scene.gears())
             either = np.minimum(part.effort.max(axis=0), -part.effort.min(axis=0))
             size = np.abs(motion.effort).max(axis=0, initial=0.0)
             if (either > _ROUNDING * size)[lossy].any():
@@ -443,7 +442,7 @@ def powers(motion: Motion) -> np.ndarray:
     given, lost = motion.effort, np.zeros_like(drives)
     if torque is not None:
         # a motion says itself what stands still: there rates are 0; all else loses as it slips
-        gears = scene_gears(scene)
+        gears = scene.gears()
         gears = gears._replace(stick_velocity=np.zeros_like(gears.stick_velocity))
         given, still = torque * gears.ratio, drives == 0.0
         lower, upper = np.empty((2, *drives.shape))

@@ -10,7 +10,7 @@ import numpy as np
 from pinfric.drives.limits import instant_limits
 from pinfric.dynamics.inverse.result import InverseResult, StickInterval, runs
 from pinfric.dynamics.samples.closure import working_rates
-from pinfric.dynamics.samples.motor_torques import drive_stick_velocity, motor_torques
+from pinfric.dynamics.samples.motor_torques import motor_torques
 from pinfric.dynamics.samples.outcome import Status
 from pinfric.dynamics.samples.states import States
 from pinfric.dynamics.simulation.motion import Motion
@@ -115,7 +115,7 @@ def gear_holds(scene: Scene, motion: InverseResult | Motion, states: States) -> 
     free = (torque[0] <= 0.0) & (torque[1] >= 0.0)
     held = {}
     for d, drive in enumerate(scene.drives):
-        rests = np.abs(rates[:, d]) <= drive_stick_velocity(scene, drive)
+        rests = np.abs(rates[:, d]) <= scene.stick_velocity_of(drive)
         holds = rests & loaded[:, d] & free[:, d]
         if drive.transmission is not None and holds.any():
             held[drive.name] = _spans(states.times, holds)
