@@ -3,8 +3,8 @@
 Takes: a scene, a format of `FORMATS`, and for engines of constant friction a motion.
 
 Steps: `constants` fits each joint's constants along the motion and computes their error; one module
-a format writes the file (`mjcf`, `urdf`, `sdf`, ...); `cpp` writes the compensator with the load,
-`mujoco_bridge` runs it inside MuJoCo.
+per format writes the file (`mjcf`, `urdf`, `sdf`, ...); `cpp` writes the compensator for
+controllers, `mujoco_bridge` runs load-dependent friction inside MuJoCo.
 
-Gives: `Exported`: the file's text, its constants and errors, and what it does not hold.
+Gives: `Exported`: the file's text, its constants and errors, and what it lacks.
 """

@@ -1,12 +1,7 @@
-"""Constants in place of a scene's friction: fitted along a motion, each with the error it makes.
+"""Constants in place of a scene's friction, fitted along a motion, with their errors.
 
-Other engines have one dry friction, one damping and one rotor inertia for a joint. What a motor
-gives beyond the frictionless robot, r T_m - tau_id, is fitted by them where the joint moves:
-
-    r T_m - tau_id = frictionloss sign(v) + damping v + armature a,     all three >= 0
-
-A joint that never moves in the motion is fitted over random states, with the armature r^2 J that
-its rotor has: a motion shows no friction of a joint that it does not move.
+Other engines have one dry friction, one damping and one rotor inertia per joint. A joint that never
+moves in the motion is fitted over random states, with its rotor's armature r^2 J.
 """
 
 from __future__ import annotations
@@ -32,7 +27,7 @@ TERMS = ("frictionloss", "damping", "armature")
 class JointConstants:
     """The constants of one joint, and their errors.
 
-    Torques are those of the motor times the ratio: N m, or N of a sliding joint.
+    Torques are the motor's times the ratio: N m, or N of a sliding joint.
     """
 
     joint: str = quantity("its name", heading="joint", name=True)
@@ -82,16 +77,17 @@ def joint_constants(
 ) -> tuple[JointConstants, ...]:
     """Return the constants of every joint: bounded least squares over the samples where it moves.
 
-    min sum (r T_m - tau_id - X c)^2 over c >= 0, X = [sign(v), v, a] (Lawson and Hanson, Solving
-    Least Squares Problems, 1974, ch. 23).
+        r T_m - tau_id = frictionloss sign(v) + damping v + armature a,     all three >= 0
 
     Args:
         result: inverse dynamics of the scene along the motion.
         columns: its joints, one degree of freedom each.
-        terms: those of `TERMS` that the format has; the others are 0, and their lack an error.
+        terms: those of `TERMS` that the format has; the others are 0, which adds to the error.
 
     Raises:
-        PinfricError: a joint with no drive or several: no torque says what its friction takes.
+        PinfricError: a joint with no drive or several: no torque shows its friction.
+
+    Source: Lawson and Hanson, Solving Least Squares Problems, 1974, ch. 23.
     """
     scene, constants = result.scene, []
     along, anywhere = _Sampled.of(result), None
@@ -111,7 +107,7 @@ def joint_constants(
 
 
 class _Sampled(NamedTuple):
-    """Inverse dynamics of samples, with the motors' torques seen from the joints."""
+    """Inverse dynamics of samples, with the motors' torques at the joints."""
 
     result: InverseResult
     lower: np.ndarray
@@ -126,11 +122,11 @@ class _Sampled(NamedTuple):
         return np.abs(self.result.actuator_velocity[:, d]) <= limit
 
     def moving(self, d: int) -> np.ndarray:
-        """(T,) bool; an interval in motion: it passes through rest beside this sample."""
+        """(T,) bool; not where an interval in motion passes through rest beside its sample."""
         return ~self.slow(d) & (self.lower[:, d] == self.upper[:, d])
 
     def at_rest(self, d: int) -> dict[str, float]:
-        """The torques at rest, less those without friction."""
+        """Torques at rest less the frictionless ones."""
         resting = self.slow(d) & (self.result.actuator_acceleration[:, d] == 0.0)
         load = self.result.effort_frictionless[:, d]
         return {
@@ -190,7 +186,7 @@ def _constants(
 
 
 def _fit(regressors: np.ndarray, target: np.ndarray) -> tuple[np.ndarray, bool]:
-    """Constants >= 0 of least squares, and whether the samples tell them apart."""
+    """Constants >= 0 by least squares, and whether the samples determine each."""
     size = np.linalg.norm(regressors, axis=0)
     used = size > 0.0
     if not used.any():

@@ -1,4 +1,4 @@
-"""A compensator for a controller in C++: its limits, its test, how far friction is known."""
+"""A compensator for a controller in C++: its limits, its test, the uncertainty of its friction."""
 
 from __future__ import annotations
 
@@ -41,9 +41,9 @@ def compensator(
 
     Args:
         scene: see `cpp_files`.
-        result: inverse dynamics along the motion, or of states; limits are made from it.
+        result: inverse dynamics along the motion, or of states, from which limits are made.
         frames: names of links for payloads and wrenches.
-        unknown: drive -> relative uncertainty e of its friction, see `level_uncertainty`.
+        unknown: drive -> e of `level_uncertainty`.
         name: of the namespace.
 
     Raises:
@@ -68,12 +68,12 @@ def compensator(
 
 
 def _spare(largest: np.ndarray) -> list[float]:
-    """Limits of what reaches the largest along a motion; infinite where that is nothing."""
+    """Limits: `_SPARE` times the largest values along a motion; infinite where these are 0."""
     return [float(f"{_SPARE * x:.3g}") if x > 0.0 else np.inf for x in largest]
 
 
 def _effort_limits(scene: Scene, result: InverseResult) -> list[float]:
-    """The joints' effort limits; where none is stated, that of what the motion takes."""
+    """The joints' effort limits; where none is stated, from what the motion takes."""
     ends = result.joint_effort_lower, result.joint_effort_upper
     spare = _spare(np.abs(ends).max(axis=(0, 1)))
     stated = [stated_limit(scene.model.effortLimit[d.velocity_index]) for d in scene.drives]
@@ -98,17 +98,14 @@ def level_uncertainty(
 ) -> dict[str, float]:
     """Return the relative uncertainty e of each drive's friction: half its 95 % interval.
 
-    The level of a drive is the mean of |r T_m - r^2 J a - tau_id| where it moves; it is computed
-    of each row of the posterior that `identify` wrote.
+    It is that of the mean of |r T_m - r^2 J a - tau_id| where the drive moves, over the rows of the
+    posterior that `identify` wrote. Empty without a posterior; without drives that never move.
 
     Args:
         scene: identified.
         result: inverse dynamics along the motion at whose states levels are compared.
         posterior: table of factors on the scene's coefficients; None: `posterior.csv` beside the
             scene's file, if there is one.
-
-    Returns:
-        Drive -> e; empty without a posterior, without a drive that never moves.
 
     Raises:
         SweepError: a table that is not the scene's.
@@ -139,7 +136,7 @@ def level_uncertainty(
 
 
 def stable_scale(e: float) -> float:
-    """Return 1/(1 + e): at the measured velocity a model that is too large by e stays passive."""
+    """Return 1/(1 + e), which keeps a model too large by e passive at the measured velocity."""
     return 1.0 / (1.0 + e)
 
 

@@ -1,11 +1,8 @@
 """A scene as constants of a C++ header, before a fixed text that computes with them.
 
 The text, `compensator.hpp`, is the same for every robot: rigid-body dynamics by Newton and Euler,
-normal loads, friction, gears, and the compensation
-
-    D(v) = (1+s)/2 F_+(P t(+)) + (1-s)/2 F_-(P t(-)) - P tau - P drag(v),     s = S(v_ref / v_s)
-
-of `pinfric.dynamics.forward.compensation`. Axes of bodies are turned so that each joint's is z.
+normal loads, friction, gears, and the compensation D(v) of `notebooks/theory/compensation.md`.
+Bodies' axes are turned so that each joint's is z.
 """
 
 from __future__ import annotations
@@ -63,11 +60,11 @@ class CppFiles(NamedTuple):
 
 
 class Bounds(NamedTuple):
-    """What the options of a header begin with, (na,) each.
+    """Defaults of a header's options, (na,) each.
 
     Attributes:
-        limit: of the compensation (N m or N). joint_effort_limit: of all of `joint_effort`.
-        stable_scale: 1/(1 + e), the largest at a measured velocity; 1 where e is not known.
+        limit: of the compensation (N m or N). joint_effort_limit: of the whole `joint_effort`.
+        stable_scale: 1/(1 + e), the largest at a measured velocity; 1 where e is unknown.
     """
 
     limit: Sequence[float]
@@ -76,16 +73,16 @@ class Bounds(NamedTuple):
 
     @classmethod
     def none(cls, drives: int) -> Bounds:
-        """Return those that cut nothing."""
+        """Return bounds without effect."""
         return cls([np.inf] * drives, [np.inf] * drives, [1.0] * drives)
 
 
 class EmbeddedState(NamedTuple):
-    """One state with what pinfric computes of it.
+    """One state with pinfric's results.
 
     Attributes:
         q, v, a: (nv,) rad, m and per second.
-        least, greatest: (na,) torques of the motors (N m).
+        least, greatest: (na,) motors' torques (N m).
         friction: (na,) compensation at v with default options (N m or N at the joint).
     """
 
@@ -98,10 +95,10 @@ class EmbeddedState(NamedTuple):
 
 
 def check_frames(scene: Scene, frames: Sequence[str]) -> None:
-    """Refuse frames for payloads and wrenches that are not there, or stand on the ground.
+    """Refuse frames for payloads and wrenches that do not exist, or stand on the ground.
 
     Raises:
-        PinfricError: named.
+        PinfricError: names the frame.
     """
     for name in frames:
         _frame(scene, name)
@@ -120,10 +117,10 @@ def cpp_files(
     Args:
         frames: names of links for payloads and wrenches at run time; none: see `default_frames`.
         lines: the comment at the top of the header.
-        name: of the namespace and the files; empty: see `namespace`.
+        name: of the namespace and the files; empty: see `header_name`.
 
     Raises:
-        PinfricError: see `check_compensated`, `check_frames` and `namespace`.
+        PinfricError: see `check_compensated`, `check_frames` and `header_name`.
     """
     check_compensated(scene)
     check_frames(scene, frames)
@@ -142,13 +139,13 @@ def cpp_files(
 
 
 def header_name(source: str, name: str = "") -> str:
-    """Return the namespace of a scene's header, which is its file's name, too: pinfric_NAME.
+    """Return the namespace of a scene's header, also the name of its file: pinfric_SCENE.
 
     Args:
-        source: the scene's file. name: the user's; empty: made of the source.
+        source: the scene's file. name: the user's; empty: made from the source.
 
     Raises:
-        PinfricError: a name that C++ does not allow, or keeps for itself.
+        PinfricError: a name that C++ does not allow or reserves.
     """
     if not name:
         stem = re.sub(r"[\W_]+", "_", Path(source).stem, flags=re.ASCII)
@@ -162,7 +159,7 @@ def header_name(source: str, name: str = "") -> str:
 
 
 def _made_of(scene: Scene) -> str:
-    """The files of a scene with their hashes, as they stand; a robot made in Python has none."""
+    """The scene's files with their hashes; a robot made in Python has none."""
     files = [Path(scene.source), *([] if scene.robot is None else [scene.robot.urdf])]
     hashes = [f"{file.name} sha256 {file_hash(file)}" for file in files if file.is_file()]
     said = f"pinfric {__version__}, {', '.join(hashes) or 'a scene made in Python'}"
@@ -170,7 +167,7 @@ def _made_of(scene: Scene) -> str:
 
 
 def default_frames(scene: Scene) -> tuple[str, ...]:
-    """Return the links that carry payloads, and the last link of each branch, as frames."""
+    """Return the links that carry payloads, and the last link of each branch."""
     model = scene.model
     ends = set(range(1, model.njoints)) - {int(parent) for parent in model.parents}
     last: dict[int, str] = {}
@@ -208,7 +205,7 @@ def _frame(scene: Scene, name: str) -> pin.Frame:
 
 
 def _constants(scene: Scene, frames: Sequence[str], bounds: Bounds) -> list[str]:
-    """All tables of a scene, the names of whose fields stand in `compensator.hpp`."""
+    """All tables of a scene; their fields have the names of `compensator.hpp`."""
     nv, na, twin = scene.model.nv, len(scene.drives), scene.twin()
     # from the axes of each joint's child to those whose z is its axis
     axes = np.where((twin.kind == PRISMATIC)[:, None], twin.axis[:, :3], twin.axis[:, 3:])
@@ -353,7 +350,7 @@ def _drives(scene: Scene) -> tuple[list[tuple[str, str]], list[tuple[str, str]]]
 
 
 def _table(kind: str, name: str, entries: Sequence[tuple[str, str]]) -> list[str]:
-    """One table; an empty one gets an entry that nothing reads, for C++ has no empty arrays."""
+    """One table; C++ has no empty arrays, so an empty one gets an entry that nothing reads."""
     if not entries:
         return [f"inline constexpr {kind} {name}[1] = {{}};", ""]
     lines = [f"    {text},{f'  // {_comment(label)}' if label else ''}" for label, text in entries]
@@ -366,7 +363,7 @@ def _names(name: str, values: Sequence[str]) -> list[str]:
 
 
 def _comment(text: str) -> str:
-    """Text on one line in which nothing ends a comment or a string, or goes on with it."""
+    """The text on one line, unable to end or continue a comment or a string."""
     return one_line(text).replace("\\", "/")
 
 
@@ -375,7 +372,7 @@ def _entry(fields: Iterable[object]) -> str:
 
 
 def _value(x: object) -> str:
-    """A number, or an array of them, as C++ writes it: all digits of each."""
+    """A number or an array in C++, with all digits."""
     if isinstance(x, np.ndarray) and x.ndim:
         if x.ndim == 2 and x.shape != (3, 3):
             return f"{{{', '.join(map(_array, x))}}}"
@@ -393,7 +390,7 @@ def _array(values: Iterable[object]) -> str:
 
 
 def template(name: str) -> str:
-    """Return a C++ text that is the same for every robot, by its file's name."""
+    """Return a C++ file that is the same for every robot, by name."""
     return (resources.files("pinfric.exporting") / name).read_text(encoding="utf-8")
 
 

@@ -1,6 +1,6 @@
-"""What the engines that read an exported file do not do, each with the figure at its worst joint.
+"""What the engines that read an exported file lack, with the figure at its worst joint.
 
-The lines stand in the file itself: who simulates with it need not know where it came from.
+The lines stand in the file, as who simulates with it may not know its origin.
 """
 
 from __future__ import annotations
@@ -47,11 +47,11 @@ _LINES: dict[str, tuple[tuple[str, str], ...]] = {
 def shortfalls(
     to: str, joints: Sequence[JointConstants], rotors: np.ndarray, creep: np.ndarray
 ) -> tuple[str, ...]:
-    """Return what the engines that read a format do not do.
+    """Return what the engines that read a format lack.
 
     Args:
-        rotors: (n,) inertia of each joint's rotor, seen from there (kg m^2 or kg).
-        creep: (n,) speed at which MuJoCo's joint gives way under its frictionloss (rad/s or m/s).
+        rotors: (n,) inertia of each joint's rotor, at the joint (kg m^2 or kg).
+        creep: (n,) speed at which MuJoCo's joint yields under its frictionloss (rad/s or m/s).
     """
     figures: dict[str, str] = {}
     if moving := [joint for joint in joints if joint.frictionloss > 0.0]:

@@ -43,9 +43,9 @@ class Format:
 
     Attributes:
         title: for people.
-        terms: constant -> its name in the format; others are taken as 0.
+        terms: constant -> its name in the format; others are 0.
         suffix: of the file.
-        at_rest: what its engine takes as friction where a joint stands still, v = a = 0.
+        at_rest: friction in its engine where a joint stands still, v = a = 0.
     """
 
     title: str
@@ -153,10 +153,10 @@ class Exported(Shown):
         return f"{self.name or Path(self.scene).stem}{FORMATS[self.to].suffix}"
 
     def write(self, path: str | Path) -> Path:
-        """Write the file and its companions; each is written completely or not at all.
+        """Write the file and its companions, each completely or not at all.
 
         Args:
-            path: the file; of "cpp" the folder, for the test includes the header by its name.
+            path: the file; of "cpp" the folder, as the test includes the header by its name.
 
         Raises:
             PinfricError: it cannot be written.
@@ -167,7 +167,7 @@ class Exported(Shown):
 
 
 def file_names(scene: Scene, to: str, namespace: str = "") -> list[str]:
-    """Return the default names of what an export writes, the one that it is called by first.
+    """Return the default names of an export's files, the main one first.
 
     Raises:
         PinfricError: no such format, or a namespace that C++ does not allow.
@@ -196,15 +196,15 @@ def export(
 ) -> Exported:
     """Return the scene for another engine: constants in place of friction, each with its error.
 
-    min sum (r T_m - tau_id - frictionloss sign(v) - damping v - armature a)^2 over the samples of
-    each joint that move, all three >= 0; see `joint_constants`.
+    r T_m - tau_id = frictionloss sign(v) + damping v + armature a, all three >= 0, over the samples
+    in which the joint moves; see `joint_constants`.
 
     Args:
         scene: an open chain with drives at its joints.
-        trajectory: or a simulated motion, with the payloads it carries; None takes 1000 seeded
-            random states inside the limits.
-        to: "mjcf" (MuJoCo), "urdf" (`<dynamics>`), "sdf", "constants" (JSON, for any other
-            engine), "cpp" (a header for controllers, which knows the load and needs no constants).
+        trajectory: or a simulated motion, with its payloads; None takes 1000 seeded random states
+            inside the limits.
+        to: "mjcf" (MuJoCo), "urdf" (`<dynamics>`), "sdf", "constants" (JSON, for any engine), "cpp"
+            (a header for controllers, which uses the present load and needs no constants).
         frames: of "cpp", links for payloads and wrenches at run time; none: those that carry
             payloads and the last of each branch.
         posterior: of "cpp", the table that `identify` wrote; None: `posterior.csv` beside the
@@ -212,7 +212,7 @@ def export(
         namespace: of "cpp", the header's, and the name of its file; empty: pinfric_SCENE.
 
     Raises:
-        PinfricError: no such format, or one that cannot hold what the scene has; named.
+        PinfricError: no such format, or one that cannot hold a named part of the scene.
     """
     expect_scene(scene, "export")
     _check_format(to)
@@ -254,7 +254,6 @@ def export(
 
 
 def _loads(scene: Scene, result: InverseResult) -> tuple[str, ...]:
-    """Which payloads the constants were fitted with."""
     carried, samples, parts = result.states.attached, len(result.status), []
     for k, (name, payload) in enumerate(scene.payloads.items()):
         count = samples * payload.attached if carried is None else int(carried[:, k].sum())
@@ -271,7 +270,7 @@ def _loads(scene: Scene, result: InverseResult) -> tuple[str, ...]:
 
 
 def _mobility(scene: Scene, joints: Sequence[JointConstants]) -> np.ndarray:
-    """(n,) diagonal of (M + armature)^-1 at q = 0, 0 where a joint moves no mass."""
+    """(n,) diagonal of (M + armature)^-1 at q = 0; 0 where a joint moves no mass."""
     tree = [body for body in bodies(scene) if body.follows is None]
     mass = mass_matrices(scene.twin(), pin.neutral(scene.model)[None])[0]
     armature = [joint.armature + body.armature for joint, body in zip(joints, tree, strict=True)]
@@ -283,7 +282,7 @@ def _mobility(scene: Scene, joints: Sequence[JointConstants]) -> np.ndarray:
 def _soft(
     scene: Scene, result: InverseResult, joints: Sequence[JointConstants], mobility: np.ndarray
 ) -> tuple[str, ...]:
-    """Samples in which MuJoCo's friction is not whole: it misses by more than is stated."""
+    """Count samples in which MuJoCo's friction is not whole and errs by more than is stated."""
     tree, parts = [body for body in bodies(scene) if body.follows is None], []
     for joint, body, A in zip(joints, tree, mobility, strict=True):
         v, a = (x[:, body.joint.index_v] for x in (result.states.v, result.states.a))
@@ -298,7 +297,7 @@ def _soft(
 
 
 def _along(scene: Scene, trajectory: MotionLike | None) -> tuple[InverseResult, str]:
-    """Inverse dynamics along a motion, or of random states, and what it is called."""
+    """Inverse dynamics along a motion or of random states, and its name."""
     if trajectory is None:
         q, v, a = random_states(scene)
         result = inverse_dynamics(scene, q, v, a)
@@ -314,7 +313,7 @@ def _for_cpp(
     posterior: str | Path | None,
     called: str,
 ) -> Exported:
-    """A compensator; its constants are what a controller would have without it."""
+    """Return a compensator, with the constants that a controller would have without it."""
     check_compensated(scene)
     check_frames(scene, frames)
     if scene.springs:
@@ -370,7 +369,6 @@ def _mjcf(
 def _constants(
     scene: Scene, joints: Sequence[JointConstants], lines: dict[str, str], header: Sequence[str]
 ) -> str:
-    """JSON: the constants of each joint, their error, and where they were fitted."""
     model, terms = scene.model, FORMATS["constants"].terms
     rows = []
     for joint in joints:
@@ -436,14 +434,14 @@ def joint_line(joint: JointConstants, form: Format) -> str:
 
 
 def _holds_spring(to: str, spring: Spring) -> bool:
-    """Whether a format holds a spring exactly: its law is a stiffness and a place without force."""
+    """Whether a format holds a spring exactly, by a stiffness and a place without force."""
     if isinstance(spring, TensionSpring):
         return to == "mjcf" and not spring.initial_tension
     return isinstance(spring, TorsionSpring) and spring.stiffness > 0.0 and to in ("mjcf", "sdf")
 
 
 def _left_out(scene: Scene, to: str) -> tuple[str, ...]:
-    """What the scene has and the file has not, with the key of the first place."""
+    """Name what the file lacks of the scene, with the key of the first place."""
     lines = [
         f"{_LEFT_OUT[effect.name]} ({effect.why})"
         for effect in effects(scene)

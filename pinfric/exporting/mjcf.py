@@ -32,7 +32,7 @@ _RADIUS = 0.02
 
 @dataclass(frozen=True)
 class MjcfJoint:
-    """What MuJoCo is to compute of one joint.
+    """One joint in MuJoCo.
 
     Attributes:
         frictionloss: dry friction (N m or N).
@@ -56,11 +56,11 @@ def soft(
 ) -> np.ndarray:
     """Return (T,) where MuJoCo's dry friction is not whole yet: |a + b v| < (1 - d)/d f A.
 
-    Its friction is a soft constraint: near rest it grows with a + b v up to the frictionloss.
+    It is a soft constraint: near rest it grows with a + b v up to the frictionloss.
 
     Args:
         velocity, acceleration: (T,) of the joint. frictionloss: f.
-        mobility: A, of (M + armature)^-1 at q = 0 the joint's diagonal entry.
+        mobility: A, the joint's diagonal entry of (M + armature)^-1 at q = 0.
 
     Source: MuJoCo documentation, Computation: constraint model, solref and solimp.
     """
@@ -69,9 +69,9 @@ def soft(
 
 
 def creep_velocity(frictionloss: float, mobility: float) -> float:
-    """Return the speed (rad/s or m/s) at which a joint gives way whose load is its frictionloss.
+    """Return the speed v (rad/s or m/s) at which a joint yields to its frictionloss.
 
-    |b v| = (1 - d)/d f A, see `soft`.
+    b v = (1 - d)/d f A, see `soft`.
     """
     return _YIELD * frictionloss * mobility / _PULL
 
@@ -93,12 +93,11 @@ def mjcf(
     Springs in joints are their `stiffness` and `springref`, tension springs are spatial tendons.
 
     Args:
-        name: the model's.
         bodies: parents before children.
         joints: one per body.
         gravity: (3,) m/s^2.
         timestep: s.
-        friction: attributes of all joints that say how MuJoCo's friction constraint is solved.
+        friction: attributes of all joints that set the solver of MuJoCo's friction constraint.
         limits: whether joints stop at theirs.
         comment: lines at the top.
         springs: of the scene; those that MuJoCo cannot hold exactly are left out.
@@ -191,7 +190,7 @@ def _add_body(
 def _add_tendons(
     root: ElementTree.Element, elements: Mapping[int, ElementTree.Element], springs: Springs
 ) -> None:
-    """Tension springs as tendons between sites, without force up to the free length if slack."""
+    """Tension springs as tendons between sites; slack ones without force below the free length."""
     tensions = [
         (line, ends, points)
         for line, ends, points in zip(springs.lines, springs.ends, springs.points, strict=True)
@@ -218,7 +217,7 @@ def _with_sites(element: ElementTree.Element, body: MovedBody) -> ElementTree.El
 
 
 def _add_capsule(element: ElementTree.Element, to: np.ndarray) -> None:
-    """From a body's joint to the next: something to see, without mass and contact."""
+    """Draw from a body's joint to the next, without mass and contact."""
     if np.linalg.norm(to) > _RADIUS:
         _add(
             element,
@@ -234,7 +233,7 @@ def _add_capsule(element: ElementTree.Element, to: np.ndarray) -> None:
 
 
 def _inertia(body: MovedBody) -> np.ndarray:
-    """The body's (3, 3) inertia, raised so that rounding leaves the triangle inequality true."""
+    """The body's (3, 3) inertia, raised until it obeys the triangle inequality despite rounding."""
     inertia = body.inertia.inertia
     moments = np.linalg.eigvalsh(inertia)
     lacking = max(moments[2] - moments[0] - moments[1], _LEAST_INERTIA - moments[0], 0.0)
@@ -257,12 +256,12 @@ def _number(x: float) -> str:
 
 
 def numbers(values: Iterable[float]) -> str:
-    """Return numbers as an attribute or a text of XML has them; -0 is 0."""
+    """Return numbers as XML has them; -0 is 0."""
     return " ".join(_number(x + 0.0) for x in values)
 
 
 def xml_comment(text: str) -> ElementTree.Element[Any]:
-    """Return a comment; "--", which XML forbids in one, is written apart."""
+    """Return a comment; "--", which XML forbids there, becomes "- -"."""
     return ElementTree.Comment(f" {re.sub('-(?=-)', '- ', one_line(text))} ")
 
 

@@ -1,16 +1,15 @@
 """Load-dependent friction inside MuJoCo: its friction limits are set anew at every step.
 
-MuJoCo holds joints by up to `frictionloss`, a constant. Here it follows the load. With the wrench w
-of a joint from MuJoCo's own reactions (`cfrc_int`, contacts among them) and a direction d of
-motion, or of the motion that threatens,
+With the wrench w of a joint from MuJoCo's reactions of the last step (`cfrc_int`, contacts
+included) and the direction d of motion, or of the motion that would start,
 
     B = mu c(w) + coulomb            static where the joint sticks, else kinetic
     t = tau + d B + drag(v)          what passes the gear; tau = w about (along) the axis
     frictionloss = d (F_d(t) - tau) - viscous |v|,      F_d: `drives.gear_line`
 
-from the step before. A gear's loss acts back on tau with the gain (F' - 1) M/(M + J) per unit of
-frictionloss, so in motion the change is divided by 1 + that gain (Newton's step): without it gears
-of low efficiency zigzag. Where that is not above 0 the gear jams, which is refused.
+A gear's loss acts back on tau with the gain (F' - 1) M/(M + J) per unit of frictionloss, so in
+motion the change is divided by 1 + that gain (Newton's step): without it gears of low efficiency
+zigzag. Where that is not above 0 the gear jams, which is refused.
 """
 
 from __future__ import annotations
@@ -74,7 +73,7 @@ class MujocoFriction:
             self.start(mujoco.MjData(model))
 
     def start(self, data: Any) -> None:
-        """Set the limits of the state in `data`: joints at or below their stick velocity rest.
+        """Set the limits for the state in `data`: joints at or below their stick velocity rest.
 
         Args:
             data: MjData of the model, with its `qpos`, `qvel` and `ctrl`.
@@ -121,11 +120,11 @@ class MujocoFriction:
 
     @contextmanager
     def installed(self) -> Iterator[None]:
-        """Let MuJoCo call friction by itself, compiled: in `mj_step` and in `mujoco.rollout`.
+        """Let MuJoCo itself call friction, compiled: in `mj_step` and in `mujoco.rollout`.
 
-        `model` must come of an MjSpec. MuJoCo then calls for every `MjData` of `model` and of its
-        copies, in several threads, too; `start` and `step` are not needed. A motion begins as by
-        `start` wherever a state does not follow from the step before, so at each rollout's start.
+        `model` must come from an MjSpec. MuJoCo then calls for every `MjData` of `model` and its
+        copies, also in several threads; `start` and `step` are not needed. A motion begins as by
+        `start` wherever a state does not follow from the last step, so at each rollout's start.
 
         Raises:
             PinfricError: no C++ compiler; no MjSpec was given; another control or sensor callback
@@ -168,8 +167,8 @@ class _Robot:
     """The joints of one scene in a model; see `MujocoFriction`.
 
     Attributes:
-        counts: (na,) bool, whether the drive's joint rubs or has a gear: the others stay as the
-            model has them.
+        counts: (na,) bool, whether the drive's joint has friction or a gear; the others stay as in
+            the model.
     """
 
     def __init__(self, mujoco: Any, scene: Scene, model: Any, prefix: str) -> None:
@@ -203,7 +202,7 @@ class _Robot:
         self._armature = np.array([body.armature for body in own])
 
     def names(self) -> dict[int, str]:
-        """Return MuJoCo's joint -> its name, of those that count."""
+        """Return the joints that count: MuJoCo's index -> name."""
         own = zip(self._joint.tolist(), self.counts, self.row, strict=True)
         return {j: self.prefix + self._tree[k].joint.name for j, counts, k in own if counts}
 
@@ -235,13 +234,13 @@ class _Robot:
         return np.abs(data.qvel[self.dofs]) <= self._gears.stick_velocity
 
     def first(self, data: Any) -> np.ndarray:
-        """(na,) limits where a motion begins."""
+        """(na,) limits at the beginning of a motion."""
         resting, old = self.resting(data), self.model.dof_frictionloss[self.dofs]
         direction = np.where(resting, -self.last(data)[0], data.qvel[self.dofs])
         return self._limits(data, resting, direction, np.where(resting, old, np.nan))
 
     def next(self, data: Any) -> np.ndarray:
-        """(na,) limits after a step whose reactions are known."""
+        """(na,) limits after a step with known reactions."""
         (force, used), rate = self.last(data), data.qvel[self.dofs]
         sticks = _sticking(force, used)
         fast = ~sticks & (np.abs(rate) > self._gears.stick_velocity)
@@ -255,14 +254,14 @@ class _Robot:
         return load[0]
 
     def wrench(self, data: Any) -> np.ndarray:
-        """Return (nj, 6) parent on child in the child's joint frame, linear first (N, N m)."""
+        """As `MujocoFriction.wrench`."""
         out = np.empty((len(self.joint), 6))
         places = data.subtree_com, data.xpos, data.xmat
         write_wrenches(data.cfrc_int, *places, self.body, self._root, out)
         return out
 
     def last(self, data: Any) -> tuple[np.ndarray, np.ndarray]:
-        """(nv,) friction of the last step, on the child along the joint, and its limits."""
+        """(na,) friction of the last step, on the child along the joint, and its limits."""
         force, used = np.zeros(self.model.nv), np.zeros(self.model.nv)
         start, end = data.ne, data.ne + data.nf
         of = data.efc_id[start:end]
@@ -274,7 +273,7 @@ class _Robot:
         return force[self.dofs], used[self.dofs]
 
     def _stops(self, data: Any) -> np.ndarray:
-        """(nv,) what acts beside the drive: stops and springs at the joints (N m or N)."""
+        """(na,) forces beside the drive: stops and springs at the joints (N m or N)."""
         beside = np.array(data.qfrc_spring[self.dofs])
         if data.nl:
             kind = self._mujoco.mjtConstraint.mjCNSTR_LIMIT_JOINT
@@ -288,7 +287,7 @@ class _Robot:
     def _limits(
         self, data: Any, sticks: np.ndarray, direction: np.ndarray, old: np.ndarray
     ) -> np.ndarray:
-        """Limits (nv,) of the next step; old: NaN where there are none before."""
+        """Limits (na,) of the next step; old: the last ones, NaN for none."""
         wrench = self.wrench(data)
         tau = (wrench[self.row] * self._axis).sum(axis=1) + self._armature * data.qacc[self.dofs]
         out = np.empty(len(self.dofs))
@@ -328,7 +327,7 @@ def write_wrenches(
 
     Args:
         reaction, com, place, turn: `cfrc_int`, `subtree_com`, `xpos`, `xmat` of the bodies.
-        body, root: (nj,) of each joint, and its tree's first.
+        body, root: (nj,) of each joint, and the first of its tree.
         out: (nj, 6) parent on child, overwritten.
     """
     for j in range(body.size):
@@ -360,13 +359,13 @@ def write_limits(
     old: np.ndarray,
     out: np.ndarray,
 ) -> int:
-    """Write the friction limit (nv,) of each joint, and return the drive that jams, or -1.
+    """Write the friction limit (na,) of each drive, and return the drive that jams, or -1.
 
     Args:
-        site: (nv,) row of the joint's friction, -1: it has none. load: (ns,) normal loads.
-        tau: (nv,) wrenches about or along the axes. velocity: (nv,). direction: (nv,) 1 or -1.
-        sticks: (nv,) bool. share: (nv,) M/(M + J). old: (nv,) limits before, or NaN.
-        out: (nv,), overwritten (N m or N).
+        site: (na,) row of the joint's friction; -1: none. load: (ns,) normal loads.
+        tau: (na,) wrenches about or along the axes. velocity: (na,). direction: (na,) 1 or -1.
+        sticks: (na,) bool. share: (na,) M/(M + J). old: (na,) last limits, or NaN.
+        out: (na,), overwritten (N m or N).
     """
     for d in range(out.size):
         way, speed, v = direction[d], 0.0, 0.0
@@ -401,22 +400,21 @@ def write_limits(
 def mujoco_friction(scene: Scene | Mapping[str, Scene], model: Any) -> MujocoFriction:
     """Return the friction of a scene for a MuJoCo model: its limits follow the load at every step.
 
-    frictionloss = d (F_d(tau + d B + drag) - tau) - viscous |v|; see the module's text. Of the
-    joints that rub or have a gear armature (rotors), damping and `solref` are set; the others stay
-    as the model has them.
+    frictionloss = d (F_d(tau + d B + drag) - tau) - viscous |v|; see the module's text. Armature
+    (rotors), damping and `solref` are set for joints with friction or a gear only.
 
     Args:
         scene: an open chain with a drive at each joint; or several robots of one model, by the
             prefix of their joints' names: {"left_": scene, "right_": other}.
         model: mujoco.MjModel of the same robot, with the payloads that the scene carries by
-            default: joints of the same names, axes and frames, as `pf.export(scene)` writes it;
-            or a mujoco.MjSpec of it, which `installed` needs. Joints that the scene locks may move.
+            default: joints of the same names, axes and frames, as `pf.export(scene)` writes it; or
+            a mujoco.MjSpec of it, which `installed` needs. Joints that the scene locks may move.
 
     Raises:
-        PinfricError: MuJoCo is not installed; loops, cylinders, coupled joints; a model
-            whose joints, axes, frames or masses differ, named; an equality, a mimic or a fixed
-            tendon on a joint that rubs or has a gear; an actuator that pulls a link; the integrator
-            RK4; a gear that jams (by `start` and `step`).
+        PinfricError: MuJoCo is not installed; loops, cylinders, coupled joints; a model whose
+            joints, axes, frames or masses differ, named; an equality, a mimic or a fixed tendon on
+            a joint with friction or a gear; an actuator that pulls a link; the integrator RK4; a
+            gear that jams (by `start` and `step`).
 
     Source: MuJoCo documentation, Computation: constraint model, friction loss.
     """
@@ -449,7 +447,7 @@ def _mujoco() -> Any:
 
 
 def _joints(mujoco: Any, scene: Scene, model: Any, prefix: str) -> list[int]:
-    """The model's joint of each of the scene's."""
+    """The model's joint for each of the scene's."""
     indices, kind = [], mujoco.mjtJoint
     for body in bodies(scene):
         name = prefix + body.joint.name
@@ -477,7 +475,7 @@ def _joints(mujoco: Any, scene: Scene, model: Any, prefix: str) -> list[int]:
 
 
 def _check_nothing_between(scene: Scene, model: Any, found: list[int]) -> None:
-    """Refuse further joints in the robot; a cart under it may have its own."""
+    """Refuse further joints in the robot; a cart under it may have some."""
     for j, body in zip(found, bodies(scene), strict=True):
         above = int(model.jnt_bodyid[found[body.parent]]) if body.parent >= 0 else None
         at = int(model.jnt_bodyid[j])
@@ -495,7 +493,7 @@ def _check_nothing_between(scene: Scene, model: Any, found: list[int]) -> None:
 
 
 def _check_followers(scene: Scene, tree: Any, counts: np.ndarray, rubs: set[str]) -> None:
-    """Refuse mimic joints that rub, or follow one that does: MuJoCo couples them by a force."""
+    """Refuse mimic joints with friction or gears, which would count the coupling's force."""
     own = [body.joint.name for body in tree if body.follows is None]
     leading = dict(zip(own, counts.tolist(), strict=True))
     for body in tree:
@@ -516,7 +514,7 @@ def _bit(mujoco: Any, flag: str) -> int:
 
 
 def _check_options(mujoco: Any, model: Any) -> None:
-    """Refuse options that would make the friction another; they may be set at any time."""
+    """Refuse options that would change friction; they may be set at any time."""
     if model.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4:
         raise PinfricError(
             "mujoco_friction: the integrator RK4 solves friction four times a step; "
@@ -534,7 +532,7 @@ def _check_options(mujoco: Any, model: Any) -> None:
 
 
 def _check_solver(mujoco: Any, robot: _Robot) -> None:
-    """Refuse what acts on the joints that count in another way than their drives."""
+    """Refuse what acts on the joints that count otherwise than through their drives."""
     model, name = robot.model, robot.names()
     joints, dofs = np.array(list(name), dtype=int), robot.dofs[robot.counts]
     for e in range(model.neq):
@@ -580,7 +578,7 @@ def _check_solver(mujoco: Any, robot: _Robot) -> None:
 
 
 def _follow(mujoco: Any, model: Any, data: Any) -> None:
-    """Move joints that an equality couples with another to where that one has them."""
+    """Move joints coupled by an equality to where their leader has them."""
     at, start = model.jnt_qposadr, model.qpos0
     for e in np.flatnonzero(model.eq_type == int(mujoco.mjtEq.mjEQ_JOINT)):
         follower, leader = model.eq_obj1id[e], model.eq_obj2id[e]
@@ -593,7 +591,7 @@ def _follow(mujoco: Any, model: Any, data: Any) -> None:
 def _check_same_robot(mujoco: Any, friction: _Robot, tree: Any) -> None:
     """Refuse another robot: poses of joints and reactions at random states must be the scene's.
 
-    Joints that the scene locks stand there where it has them; later they may move.
+    Joints that the scene locks are put where it has them; later they may move.
     """
     scene, plain = friction.scene, copy.deepcopy(friction.model)
     bits = mujoco.mjtDisableBit

@@ -1,7 +1,7 @@
 """Callbacks of MuJoCo compiled from C++: the friction of `mujoco_bridge` in `mujoco.rollout`.
 
-MuJoCo calls a control callback after positions and velocities are known and before it solves, and
-user sensors after it has solved. The sensor's data keep what the next step needs, in each mjData.
+MuJoCo calls a control callback between positions and velocities and the solver, and user sensors
+after it. The sensor's data keep what the next step needs, in each mjData.
 """
 
 from __future__ import annotations
@@ -28,11 +28,11 @@ _FLAGS = ("-std=c++17", "-O2", "-ffp-contract=off", "-shared", "-fPIC")
 
 
 def with_memory(mujoco: Any, spec: Any, sizes: Mapping[str, int]) -> Any:
-    """Return the compiled model of an MjSpec, with sensors in which the friction keeps its data.
+    """Return the compiled model of an MjSpec, with sensors in which friction keeps its data.
 
     Args:
-        mujoco: the module. spec: changed where a sensor is missing.
-        sizes: prefix of a scene's joints -> how many drives it has.
+        mujoco: the module. spec: gets the missing sensors.
+        sizes: prefix of a scene's joints -> number of its drives.
     """
     kind, stage = mujoco.mjtSensor.mjSENS_USER, mujoco.mjtStage.mjSTAGE_ACC
     for prefix, joints in sizes.items():
@@ -74,11 +74,10 @@ class Callback:
 
     @contextmanager
     def installed(self) -> Iterator[None]:
-        """Set the callbacks, and take them away at the end.
+        """Set the callbacks, and remove them at the end.
 
         Raises:
-            PinfricError: another callback is set; actuation or sensors are disabled; at the end:
-                a gear jammed, or the time step, the integrator or a flag was changed.
+            PinfricError: actuation or sensors are disabled; else see `MujocoFriction.installed`.
         """
         mujoco, bits = self._mujoco, self._mujoco.mjtDisableBit
         for name in ("control", "sensor"):
@@ -125,7 +124,6 @@ def jams(scene: Scene, drive: int, when: str) -> PinfricError:
 
 
 def _memory(mujoco: Any, model: Any, prefix: str, joints: int) -> int:
-    """Where the sensor's data begin."""
     s = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SENSOR, _SENSOR + prefix)
     if s < 0 or model.sensor_dim[s] != 1 + _LAST * joints:
         raise PinfricError(

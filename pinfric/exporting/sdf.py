@@ -1,7 +1,7 @@
-"""SDF, Gazebo's and Drake's format, from a robot's bodies: SDFormat 1.7, 1.11 with mimic joints.
+"""SDF, Gazebo's and Drake's format: SDFormat 1.7, 1.11 with mimic joints.
 
-A joint's `<dynamics>` holds `damping` (N m s/rad or N s/m) and `friction` (N m or N); Gazebo's
-engines hold joints by up to `friction`, Drake reads `damping` alone, and rotors by keys of its own.
+Gazebo's engines hold joints by up to `friction`; Drake reads `damping` only, and rotors by its own
+keys.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ def sdf(
 
 
 def _link(body: MovedBody, name: str) -> ElementTree.Element:
-    """A link whose frame is that of its joint."""
+    """A link in the frame of its joint."""
     link = ElementTree.Element("link", name=name)
     _text(link, "pose", numbers([0.0] * 6), relative_to=body.joint.name)
     inertial = ElementTree.SubElement(link, "inertial")
@@ -75,10 +75,7 @@ def _joint(
     constants: JointConstants | None,
     coil: tuple[float, float] | None,
 ) -> ElementTree.Element:
-    """A joint between two links, the parent's and its own, with the spring in it.
-
-    A follower has no constants.
-    """
+    """A joint between two links (parent, child), with its spring; a follower has no constants."""
     parent, child = ends
     kind = "prismatic" if body.joint.unit == "m" else "revolute"
     joint = ElementTree.Element("joint", name=body.joint.name, type=kind)

@@ -1,4 +1,4 @@
-"""A robot as other engines take it: one body per joint, as Pinocchio's model has them."""
+"""A robot for other engines: one body per joint, as in Pinocchio's model."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ class MovedBody:
     Attributes:
         joint: how files see it: name, limits, unit.
         link: name of the first link it moves.
-        parent: row of the body it hangs on; -1 is the world.
+        parent: row of the parent body; -1 is the world.
         placement: of the joint's frame in the parent's, at q = 0.
-        inertia: of all links fixed to each other, with what is carried.
+        inertia: of all links fixed to each other, with payloads.
         axis: (3,) unit vector, along or about which it moves.
-        armature: the model's own rotor inertia at the joint (kg m^2 or kg).
-        effort_limit: N m or N; infinite where none was stated.
+        armature: the model's rotor inertia at the joint (kg m^2 or kg).
+        effort_limit: N m or N; infinite if none was stated.
         frames: name -> placement in the body of its further links.
         follows: (leader's name, ratio, shift) of a mimic joint; None for others.
     """
@@ -48,8 +48,8 @@ def check_plain_tree(scene: Scene) -> tuple[JointColumn, ...]:
     """Return the joints of a scene that is an open chain driven at its joints.
 
     Raises:
-        PinfricError: loops, drives off the joints or coupled, or joints of several degrees of
-            freedom; named.
+        PinfricError: loops, friction along springs, drives off the joints or coupled, or joints of
+            several degrees of freedom; named.
     """
     off_joint = [given for a in scene.actuators or () if (given := a.cylinder or a.force)]
     for what, named in (("the loop", scene.loops), ("the drive off the joints", off_joint)):
@@ -75,7 +75,7 @@ def check_plain_tree(scene: Scene) -> tuple[JointColumn, ...]:
 
 
 def rotor_inertias(scene: Scene) -> np.ndarray:
-    """Return (n,) r^2 J of each rotor and the model's armature, at the joint (kg m^2 or kg).
+    """Return (n,) r^2 J of each rotor plus the model's armature, at the joint (kg m^2 or kg).
 
     In the order of `check_plain_tree`.
     """
@@ -87,7 +87,7 @@ def rotor_inertias(scene: Scene) -> np.ndarray:
 
 
 def drake_rotor(joint: JointConstants, reflected: float) -> dict[str, str]:
-    """Return the tags by which Drake takes a rotor, with their values; none without a rotor.
+    """Return Drake's tags of a rotor, with their values; none without a rotor.
 
     Args:
         joint: with the ratio. reflected: `rotor_inertias` (kg m^2 or kg).
@@ -104,7 +104,7 @@ def bodies(scene: Scene) -> tuple[MovedBody, ...]:
     """Return the bodies of a scene, with the payloads that it carries by default.
 
     Raises:
-        PinfricError: loops, drives off the joints, or joints of several degrees of freedom; named.
+        PinfricError: see `check_plain_tree`; a mimic joint without its URDF's limits.
     """
     columns = {column.name: column for column in check_plain_tree(scene)}
     model, twin = scene.loaded_model(), scene.twin()

@@ -24,13 +24,13 @@ _DRAKE = "http://drake.mit.edu"
 def urdf(
     scene: Scene, joints: Sequence[JointConstants], lines: Mapping[str, str], header: Sequence[str]
 ) -> str:
-    """Return the scene's URDF; its `<dynamics>` hold the constants only.
+    """Return the scene's URDF, with constants in place of its `<dynamics>`.
 
     Locked joints are fixed, payloads that the scene carries by default are links of their own,
-    meshes stay where they are.
+    meshes keep their places.
 
     Raises:
-        PinfricError: the scene has no URDF, or its model is not the one of its URDF.
+        PinfricError: the scene has no URDF, or its model is not that of its URDF.
     """
     robot = scene.robot
     if robot is None:
@@ -84,9 +84,9 @@ def urdf(
 def _add_rotors(
     root: ElementTree.Element, joints: Sequence[JointConstants], reflected: Sequence[float]
 ) -> None:
-    """Write Drake's tags of rotors into the joints' transmissions, made where there are none.
+    """Write Drake's tags of rotors into the joints' transmissions, which are made if missing.
 
-    Tags of one namespace have one prefix in the written file, whatever they had in the read one.
+    Tags of one namespace get one prefix in the written file, whichever they had.
     """
     spaces = {tag[1:].partition("}")[0] for tag in (x.tag for x in root.iter()) if "}" in str(tag)}
     space = next((uri for uri in sorted(spaces) if "drake" in uri), _DRAKE)
