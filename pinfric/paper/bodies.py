@@ -8,9 +8,9 @@ Conventions
     parent", and the joint acts on the child with -Phi_q^T lambda.
 
 Symbols
-    T samples, nb bodies, nt joints that place them (as many), nl joints that close loops,
-    nj = nt + nl joints in that order, ns joints with friction, na actuators,
-    n = 6 nb coordinates (1), m constraints (2), n - m degrees of freedom.
+    T samples, nb bodies, nt joints that place them (as many), nl joints that close loops, nj = nt +
+    nl joints in that order, ns joints with friction, na actuators, n = 6 nb coordinates (1), m
+    constraints (2), n - m degrees of freedom.
 """
 
 from __future__ import annotations
@@ -59,8 +59,9 @@ class PinFriction:
 
 @dataclass(frozen=True)
 class GuideFriction:
-    """A guide on two pads, `length` m apart and centred on the joint's point, that move with the
-    child; coefficients, stick velocity m/s. What turns about the axis is carried `width` m apart.
+    """A guide on two pads that move with the child, `length` m apart about the joint's point.
+
+    Coefficients, stick velocity m/s. A moment about the axis is carried `width` m apart.
 
     N = |F_r/2 + (M_b x k)/length| + |F_r/2 - (M_b x k)/length| + 2 |M_a|/width, the N of (20)-(22).
     """
@@ -106,8 +107,8 @@ class TranslationalJoint:
 class LoopPin:
     """Closes a loop: the child's point stays on the parent's axis, with friction as it turns.
 
-    Two constraints, for a mechanism whose other joints keep it in a plane; five would depend on
-    those. `point` and `child_point` (3,) m coincide where the loop is closed, not at position zero.
+    It has two constraints: the mechanism's other joints keep it in a plane. `point` and
+    `child_point` (3,) m coincide where the loop is closed, not at position zero.
     """
 
     name: str
@@ -127,7 +128,7 @@ class Actuator:
     """Unit effort: force g (3,) at a point and torque h (3,) on the child, opposite on the parent.
 
     The point and both directions are fixed in the child (10-13). `through` names the joint whose
-    transmitted wrench includes this actuator (a joint drive); None acts past the joints.
+    transmitted wrench includes it (a joint drive); None: it acts past the joints.
     """
 
     name: str
@@ -141,12 +142,11 @@ class Actuator:
 
 @dataclass(frozen=True, eq=False)
 class Mechanism:
-    """Bodies in a tree of joints (parents first) and joints that close loops, under gravity (3,).
+    """Bodies in a tree of joints (parents first), joints that close loops, and gravity (3,) m/s^2.
 
-    Without `actuators` each joint of the tree has one drive, in the order of the joints. Gravity
-    is in m/s^2. Raises `PinfricError` where the joints are no tree over the bodies, friction does
-    not fit its joint, or there are not as many actuators as degrees of freedom (as the paper's 2.2
-    assumes).
+    Without `actuators` each joint of the tree has one drive, in order. Raises `PinfricError` where
+    the joints are no tree over the bodies, friction does not fit its joint, or there are not as
+    many actuators as degrees of freedom (assumed in the paper's 2.2).
     """
 
     bodies: tuple[Body, ...]
@@ -197,7 +197,7 @@ def _drive(joint: RevoluteJoint | TranslationalJoint) -> Actuator:
 
 @dataclass(frozen=True, eq=False)
 class Geometry:
-    """A mechanism as arrays; the ground is body number nb, with its centre at the origin."""
+    """A mechanism as arrays; the ground is body number nb, its centre at the origin."""
 
     mass: Array  # (nb,)
     inertia: Array  # (nb, 3, 3)
@@ -282,7 +282,7 @@ def _geometry(mechanism: Mechanism) -> Geometry:
 
 
 def unit(axis: ArrayLike) -> Array:
-    """The axis at length 1; raises `PinfricError` where it has no direction."""
+    """Return the axis at length 1; raises `PinfricError` where it has no direction."""
     vector = np.asarray(axis, float)
     length = float(np.linalg.norm(vector))
     if not length > 0:

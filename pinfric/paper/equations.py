@@ -1,9 +1,9 @@
 """The paper's equations (1), (2), (5), (6), (10)-(15): coordinates, constraints, forces, reactions.
 
 Every body has six absolute coordinates: the position r of its centre of mass and its Euler
-parameters e (scalar last); the generalized speeds are r' (ground axes) and the angular velocity
-omega in body axes, as the paper takes them for (14) and (15). Independent of Pinocchio on purpose:
-no recursion, no relative coordinates, reactions only from multipliers.
+parameters e (scalar last); its generalized speeds are r' (ground axes) and the angular velocity
+omega in body axes, as in (14) and (15). There is no recursion and no relative coordinate; reactions
+come from multipliers only.
 
 Conventions and symbols are those of `bodies`.
 """
@@ -89,10 +89,10 @@ def place(mechanism: Mechanism, position: Array) -> Placement:
 
 @dataclass(frozen=True, eq=False)
 class _Pairs:
-    """What the relative motions of all joints are made of; ground axes, samples first.
+    """Parts of the relative motions of all joints; ground axes, samples first.
 
     f, g, h are fixed in the parent i, s_j runs from the child's centre of mass to its point of the
-    joint, s_i from the parent's centre of mass to that same point, and d from the parent's point.
+    joint, s_i from the parent's centre of mass to that same point, d to it from the parent's point.
     """
 
     a_i: Array  # (T, nj, 3, 3)
@@ -121,7 +121,7 @@ def _pairs(geo: Geometry, q: Placement) -> _Pairs:
 
 @dataclass(frozen=True, eq=False)
 class Relative:
-    """A linear map to the six relative motions of every joint, or what they are at some instant.
+    """A linear map to the six relative motions of every joint, or their values.
 
     Rows: f . d, g . d, h . d, f . h_j, g . h_j and the turn about h (see `relative_jacobian`).
     """
@@ -137,7 +137,7 @@ class Relative:
 
     @property
     def axis(self) -> Array:
-        """(T, nj, ...) the rows that the joint positions measure."""
+        """(T, nj, ...) the rows measured by the joint positions."""
         return self.rows[:, np.arange(self.rows.shape[1]), self.geometry.free]
 
 
@@ -172,8 +172,8 @@ def acceleration_bias(mechanism: Mechanism, q: Placement, speed: Array) -> Relat
     Of k . d, with k one of f, g, h:
         -[k.(w_j x (w_j x s_j) - w_i x (w_i x s_i0)) + 2 (w_i x k).d' + d.(w_i x (w_i x k))],
     of k . h_j: -[k.(w_j x (w_j x h_j)) + 2 (w_i x k).(w_j x h_j) + h_j.(w_i x (w_i x k))],
-    s_i0 to the parent's own point of the joint. None of the turn: h' . (w_j - w_i) = 0, because
-    w_j - w_i is zero or along h.
+    s_i0 to the parent's own point of the joint. 0 for the turn: h' . (w_j - w_i) = 0, as w_j - w_i
+    is zero or along h.
     """
     geo = mechanism.geometry
     pairs = _pairs(geo, q)
@@ -197,17 +197,17 @@ def acceleration_bias(mechanism: Mechanism, q: Placement, speed: Array) -> Relat
 
 
 def body_speeds(jacobian: Relative, rate: Array) -> Array:
-    """Generalized speeds q' (T, n) that rates (T, nt) rad/s or m/s of the tree's joints make."""
+    """Generalized speeds q' (T, n) from rates (T, nt) rad/s or m/s of the tree's joints."""
     return _by_the_tree(jacobian, np.zeros(jacobian.rows.shape[:3]), rate)
 
 
 def body_accelerations(jacobian: Relative, bias: Relative, acceleration: Array) -> Array:
-    """q'' (T, n) that accelerations (T, nt) rad/s^2 or m/s^2 of the tree's joints make."""
+    """q'' (T, n) from accelerations (T, nt) rad/s^2 or m/s^2 of the tree's joints."""
     return _by_the_tree(jacobian, bias.rows, acceleration)
 
 
 def _by_the_tree(jacobian: Relative, right: Array, free: Array) -> Array:
-    """x of [rows of the tree's joints] x = right, with `free` (T, nt) more along the free ones."""
+    """x of [rows of the tree's joints] x = right, plus `free` (T, nt) along the free ones."""
     samples, tree = free.shape
     rows, right = jacobian.rows[:, :tree], right[:, :tree].copy()
     right[:, np.arange(tree), jacobian.geometry.free[:tree]] += free
@@ -224,7 +224,7 @@ def check_loops(
 ) -> None:
     """Check Phi = 0 (2), Phi_q q' = 0 and Phi_q q'' = gamma at the joints that close loops.
 
-    The tree's joints keep theirs by construction. Raises `PinfricError` with joint and sample.
+    The tree's joints obey theirs by construction. Raises `PinfricError` with joint and sample.
     """
     first = len(mechanism.joints)
     pairs = _pairs(mechanism.geometry, q)
@@ -256,8 +256,8 @@ def check_loops(
 def full_pivoting(jacobian: Array) -> tuple[Indices, Indices]:
     """Split coordinates into dependent (T, m) and independent (T, n - m) ones (5).
 
-    Gaussian elimination of Phi_q (T, m, n); each pivot is the largest entry left in all rows and
-    columns. Raises `PinfricError` where the constraints are not independent.
+    Gaussian elimination of Phi_q (T, m, n); each pivot is the largest remaining entry. Raises
+    `PinfricError` where the constraints are not independent.
     """
     work = jacobian.copy()
     samples, m, n = work.shape
@@ -347,8 +347,8 @@ def reactions(mechanism: Mechanism, q: Placement, jacobian: Relative, multiplier
 def transmitted(mechanism: Mechanism, wrench: Array, effort: Array, friction: Array) -> Array:
     """The whole wrench (..., nj, 6) of each joint on its child: constraints, drives, friction.
 
-    Constraints leave the joint's free direction without any; there act friction (..., ns) and what
-    passes through the joint of the efforts (..., na).
+    Along the joint's free direction only friction (..., ns) and the efforts (..., na) through it
+    act.
     """
     geo = mechanism.geometry
     through = effort @ geo.through.T
@@ -359,9 +359,9 @@ def transmitted(mechanism: Mechanism, wrench: Array, effort: Array, friction: Ar
 def contact_forces(mechanism: Mechanism, wrench: Array) -> Array:
     """The contact forces (..., ns, 3, 3) N at the joints with friction.
 
-    At the two ends of a pin or a guide F_r/2 +- (M_b x k)/length (a pin without length carries F_r
-    at one point: both halves are F_r/2), and 2 M_a/width of a guide that must not turn. F_r and M_b
-    are the parts of the joint's wrench (..., nj, 6) normal to its axis k, M_a the moment about it.
+    F_r/2 +- (M_b x k)/length at the two ends of a pin or a guide (a pin without length carries F_r
+    at one point: both are F_r/2), and 2 M_a/width of a guide. F_r and M_b are the parts of the
+    joint's wrench (..., nj, 6) normal to its axis k, M_a the moment about it.
     """
     geo = mechanism.geometry
     k = geo.triad[geo.sites, 2]
@@ -373,7 +373,7 @@ def contact_forces(mechanism: Mechanism, wrench: Array) -> Array:
 
 
 def normal_load(mechanism: Mechanism, wrench: Array) -> Array:
-    """Radius-weighted sum of contact forces (..., ns), N m of a pin and N of a guide.
+    """Radius-weighted sum (..., ns) of contact forces, N m of a pin and N of a guide.
 
     Friction is a coefficient times this (20, 21).
     """

@@ -1,6 +1,6 @@
 """The paper's examples: a pendulum (Fig. 4, Table 1), a robot of three links (Fig. 7, Table 2).
 
-And one of what its equations hold for, too, and its examples leave out: a closed loop.
+Its equations also hold for a closed loop, which is added here.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from pinfric.paper.bodies import (
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """A mechanism with the start and the efforts the paper gives it."""
+    """A mechanism with the paper's start and efforts."""
 
     mechanism: Mechanism
     position: Array  # (nj,) rad at t = 0
@@ -47,8 +47,8 @@ COEFFICIENTS = {
 def pendulum(reading: str = "consistent", gravity: float = 9.81) -> Case:
     """Example 1: a bar on a pin, gravity (m/s^2) along +X, angle from X about Z (Fig. 4, Table 1).
 
-    The printed J is about the centre of mass in the "consistent" reading and about the pin, as
-    printed, in the "literal" one. It turns about Z only, so J stands for all three axes.
+    J is about the centre of mass in the "consistent" reading, about the pin, as printed, in the
+    "literal" one. The bar turns about Z only, so J stands for all three axes.
     """
     about_center = 0.400 if _known_reading(reading) == "consistent" else 0.400 - 1.00 * 0.25**2
     bar = Body("bar", 1.00, about_center * np.eye(3), (0.25, 0.0, 0.0))
@@ -97,7 +97,7 @@ def slider_crank() -> Mechanism:
     """A closed loop with a translational joint: the bundled scene `slider_crank`, number by number.
 
     Three moving bodies, 18 coordinates (1), 17 constraints (2), one degree of freedom; friction in
-    all four joints, each of whose loads depends on the friction of the others.
+    all four joints, each of which loads the others.
     """
 
     def pin(radius: float) -> PinFriction:

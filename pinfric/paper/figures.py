@@ -1,4 +1,4 @@
-"""The paper's five figures of results, drawn from our own runs and labelled like the paper's."""
+"""The paper's five figures of results from our own runs, with the paper's captions."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _COLUMNS: dict[str, Any] = {"ncols": 3, "frameon": False, "loc": "lower left"}
 
 
 def paper_figures(pendulum: Reproduction, three_link: Reproduction) -> dict[str, Figure]:
-    """Return the figures 5, 6, 8, 9 and 10 of the paper by file name."""
+    """Return the paper's figures 5, 6, 8, 9 and 10 by file name."""
     figure_5, (rate, acceleration) = _axes(
         pendulum, "Fig. 5  Angular velocity and angular acceleration of a simple pendulum", 2
     )
@@ -69,14 +69,14 @@ def paper_figures(pendulum: Reproduction, three_link: Reproduction) -> dict[str,
 
 
 def _band(r: Reproduction, axes: Axes, joint: int, label: str = "") -> np.ndarray:
-    """Draw a torque's interval where a joint sticks; returns (T,) the torque, NaN there."""
+    """Draw a torque's interval where a joint sticks; return the torque (T,), NaN there."""
     lower, upper = r.result.effort_lower[:, joint], r.result.effort_upper[:, joint]
     axes.fill_between(r.motion.t, lower, upper, color=_BAND, linewidth=0, zorder=1.5, label=label)
     return np.where(upper > lower, np.nan, upper)
 
 
 def _intervals(r: Reproduction, axes: Sequence[Axes], names: Sequence[str]) -> None:
-    """The torques that were applied, and what inverse dynamics makes of the motion."""
+    """Draw the applied torques, and those of inverse dynamics."""
     for joint, (torque, name) in enumerate(zip(axes, names, strict=True)):
         slides = _band(r, torque, joint, "inverse, sticking: any torque in the band")
         (line,) = torque.plot(r.motion.t, slides, color=_INVERSE, label="inverse, sliding")
@@ -88,7 +88,7 @@ def _intervals(r: Reproduction, axes: Sequence[Axes], names: Sequence[str]) -> N
 
 
 def _broken(r: Reproduction, values: np.ndarray) -> np.ndarray:
-    """Values with gaps where the modes change: a jump is no line."""
+    """Return values with gaps where the modes change: a jump is no line."""
     site = r.scene.site_names.index(r.example.site)
     gaps = np.array(values, dtype=float)
     gaps[1:][np.diff(r.result.sticking[:, site].astype(int)) != 0] = np.nan
@@ -96,7 +96,7 @@ def _broken(r: Reproduction, values: np.ndarray) -> np.ndarray:
 
 
 def _axes(r: Reproduction, caption: str, count: int = 1) -> tuple[Figure, list[Axes]]:
-    """Axes over time with the stiction interval marked."""
+    """Make axes over time with the stiction interval marked."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(8.0, 1.6 + 2.4 * count), dpi=150, layout="constrained")

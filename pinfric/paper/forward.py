@@ -1,10 +1,8 @@
 """Forward dynamics in absolute coordinates: eq. (3) with stiction.
 
 A sliding joint has friction -sign(rate) mu_k N(lambda), implicit because lambda depends on it. A
-sticking joint gets one more constraint, and is released when the multiplier of that constraint
-exceeds mu_s N (constraint addition-deletion: Wu, Yang, Haug 1984).
-
-`simulate` carries this on in time.
+sticking joint gets one more constraint, and is released when its multiplier exceeds mu_s N
+(constraint addition-deletion: Wu, Yang, Haug 1984).
 """
 
 from __future__ import annotations
@@ -43,10 +41,9 @@ MOST_AT_REST = 8  # 3^8 combinations of stick and slip
 
 
 class NoConsistentFriction(PinfricError):  # noqa: N818 - it names a finding about the mechanism
-    """Neither stick nor slip obeys the law of friction (or several do).
+    """Neither stick nor slip obeys the law of friction, or several combinations do (`consistent`).
 
-    At `time` s (None outside a simulation), `position` and `rate`; `consistent` are the modes that
-    do, empty where there are none.
+    At `time` s (None outside a simulation), `position` and `rate`.
     """
 
     def __init__(
@@ -86,7 +83,7 @@ class AbsoluteInstant:
 
 @dataclass(frozen=True, eq=False)
 class State:
-    """Everything of (3) that does not depend on friction or modes, at one state."""
+    """All of (3) that does not depend on friction or modes, at one state."""
 
     mechanism: Mechanism
     placement: Placement
@@ -98,7 +95,7 @@ class State:
 
 
 def prepare(mechanism: Mechanism, position: Array, rate: Array, effort: Array) -> State:
-    """Everything of (3) that modes do not change; positions, rates (nt,) and efforts (na,)."""
+    """All of (3) that modes do not change; positions, rates (nt,) and efforts (na,)."""
     placement = place(mechanism, position[None])
     jacobian = relative_jacobian(mechanism, placement)
     speed = body_speeds(jacobian, rate[None])
@@ -114,7 +111,7 @@ def _solve_modes(state: State, modes: Modes) -> AbsoluteInstant | None:
     """Solve [M Phi_q^T; Phi_q 0] [q''; lambda] = [Q; gamma] (3) in given modes; None if it fails.
 
     A sticking joint adds its axis row to Phi_q; minus that row's multiplier is its friction. The
-    solution is affine in the sliding friction, which is then found by `_sliding_friction`.
+    solution is affine in the sliding friction (`_sliding_friction`).
     """
     geo, constraint, axis = (
         state.mechanism.geometry,
@@ -162,8 +159,7 @@ def _solve_modes(state: State, modes: Modes) -> AbsoluteInstant | None:
 def _sliding_friction(constant: Array, slope: Array, factor: Array) -> Array | None:
     """Friction phi (k,) with phi = factor sum |p|, p = constant (k, 3, 3) + phi slope (k, k, 3, 3).
 
-    Fixed point first; where that is slow or diverges, Powell's hybrid method. None where neither
-    reaches the tolerance.
+    Fixed point first; if slow or divergent, Powell's hybrid method. None if neither converges.
     """
     if len(factor) == 0:
         return np.zeros(0)
@@ -204,7 +200,7 @@ def _violated(mechanism: Mechanism, instant: AbsoluteInstant, at_rest: NDArray[n
 
 
 def _candidates(modes: Modes, free: NDArray[np.bool_]) -> Iterator[list[Modes]]:
-    """All modes of the free joints, those with the most sticking joints first, level by level."""
+    """All modes of the free joints, level by level, those with the most sticking joints first."""
     choices = list(itertools.product((0, 1, -1), repeat=int(free.sum())))
     for slipping in range(int(free.sum()) + 1):
         level = []
@@ -222,7 +218,7 @@ def find_modes(
     at_rest: NDArray[np.bool_],
     where: tuple[float | None, Array, Array],
 ) -> AbsoluteInstant:
-    """The one consistent choice for the free joints with the most of them sticking."""
+    """The only consistent choice for the free joints with the most of them sticking."""
     if free.sum() > MOST_AT_REST:
         raise PinfricError(f"{free.sum()} joints are at rest, {MOST_AT_REST} is the most")
     for level in _candidates(modes, free):
@@ -246,10 +242,11 @@ def forward(
     effort: ArrayLike,
     modes: ArrayLike | None = None,
 ) -> AbsoluteInstant:
-    """Accelerations, multipliers and friction that efforts cause at one state.
+    """Accelerations, multipliers and friction under efforts at one state.
 
     [M Phi_q^T; Phi_q 0] [q''; lambda] = [Q^A + Q^F + Q^E; gamma] (3). A joint within its stick
-    velocity sticks if any consistent choice lets it; else it slips the way it accelerates.
+    velocity sticks if a consistent choice allows it; else it slips in the direction of its
+    acceleration.
 
     Args:
         mechanism: bodies, joints, gravity and actuators.
@@ -260,7 +257,7 @@ def forward(
 
     Raises:
         NoConsistentFriction: no choice of stick and slip obeys the law of friction, or several do.
-        PinfricError: something is at rest in a mechanism with loops.
+        PinfricError: a joint is at rest in a mechanism with loops.
 
     Source: the paper, (3), (4), (21); Wu, Yang, Haug 1984 for the change of constraints.
     """

@@ -1,8 +1,7 @@
 """The paper's inverse dynamics, eq. (1)-(17) and its steps 1-7, as the independent judge.
 
 Absolute coordinates with Euler parameters, full pivoting of Phi_q, the partial velocity matrix B,
-and the fixed-point iteration between efforts (16) and multipliers (17). Imports neither Pinocchio
-nor any other part of pinfric, so that agreement with the rest of the package means something.
+and the fixed-point iteration between efforts (16) and multipliers (17).
 """
 
 from __future__ import annotations
@@ -55,8 +54,8 @@ class FixedPointError(PinfricError):
 class AbsoluteInverse:
     """Efforts, loads and reactions along a motion; samples first, joints and sites in order.
 
-    Where joints stick, `normal_load`, `wrench` and `multipliers` are those without friction at the
-    sticking joints; with joint drives they are the same anywhere in the interval.
+    Where joints stick, `normal_load`, `wrench` and `multipliers` are those without their friction;
+    with joint drives they are the same anywhere in the interval.
     """
 
     effort_lower: Array  # (T, na) N m, or N for a unit force
@@ -74,7 +73,7 @@ class AbsoluteInverse:
 
 @dataclass(frozen=True, eq=False)
 class _Known:
-    """Step 2: everything the motion fixes, samples first."""
+    """Step 2: what the motion determines, samples first."""
 
     placement: Placement
     jacobian: Relative  # Phi_q among its rows; transposed: forces along and about the joints
@@ -88,7 +87,7 @@ class _Known:
     acceleration: Array  # q'' (T, n)
 
     def take(self, samples: Indices) -> _Known:
-        """The same for some of the samples."""
+        """Return some of the samples."""
         placement = Placement(
             *(getattr(self.placement, f.name)[samples] for f in fields(Placement))
         )
@@ -175,7 +174,7 @@ def _fixed_point(
     tolerance: float,
     max_iterations: int,
 ) -> _Solution:
-    """Steps 3 to 6 with friction = coefficient x load, until F_A does not change any more."""
+    """Steps 3 to 6 with friction = coefficient x load, until F_A no longer changes."""
     iterations = np.zeros(len(load), int)
     before = np.full(known.effort_terms.shape, np.inf)
     with np.errstate(over="ignore", invalid="ignore"):  # a diverging iteration may overflow
@@ -209,10 +208,10 @@ def inverse(
     B^T (Q^A)_FA F_A = B^T (M q'' - Q^F - Q^E) (16) and Phi_q^T lambda = Q - M q'' (17), iterated
     with friction = -sign(rate) mu_k N(lambda), or -+ mu_s N(lambda) at a joint that sticks.
 
-    Every sample starts from its own frictionless loads; the paper's step 1 starts from the sample
-    before it, which would let an answer depend on its neighbours where there are several. Several
-    joints sticking at once: every combination of their static limits is solved, so that the ends
-    hold for coupled actuators too. Ends of different efforts are not attained together.
+    Every sample starts from its own frictionless loads; the paper's step 1 starts from the last
+    sample, which would make answers depend on neighbours where there are several. If several joints
+    stick, every combination of their static limits is solved, so the ends hold for coupled
+    actuators too. Ends of different efforts are not attained together.
 
     Args:
         mechanism: bodies, joints, gravity and actuators.
@@ -220,7 +219,7 @@ def inverse(
             joints that close loops follow.
         rate, acceleration: (T, nt) the same per second, and per second squared.
         tolerance: change of F_A at which the iteration ends (step 5), each effort relative to the
-            size of the terms that it is a sum of.
+            size of its terms.
         max_iterations: solutions of (16) allowed.
 
     Raises:

@@ -1,4 +1,4 @@
-"""The reproduction of the paper as a table: ours beside what is printed."""
+"""The reproduction of the paper as a table, beside the printed results."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 def paper_report(found: Sequence[Reproduction], loop_difference: float) -> list[RenderableType]:
-    """Return what `pinfric paper` prints: the paper's claims, one row each, ours beside its."""
+    """Return what `pinfric paper` prints: a row for each of the paper's claims."""
     from rich.text import Text
 
     rows = {

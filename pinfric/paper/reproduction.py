@@ -1,9 +1,8 @@
 """The paper's two examples end to end: forward, then inverse along the forward motion, twice.
 
-Park, Yoo, Hwang, Bae simulate a pendulum and a three-link robot under given torques, recover the
-torques by inverse dynamics, and find them equal but for stiction, where an interval brackets them.
-Here the reduced, Pinocchio-based formulation does all of it and the paper's own formulation in
-absolute coordinates judges it, forward and inverse.
+The paper simulates a pendulum and a three-link robot under given torques and recovers the torques
+by inverse dynamics; in stiction an interval brackets them. Here the Pinocchio-based formulation
+does this, and the paper's own, in absolute coordinates, judges it.
 """
 
 from __future__ import annotations
@@ -49,7 +48,7 @@ READINGS = (
 
 @dataclass(frozen=True)
 class Example:
-    """One of the paper's examples: a bundled scene, its judge, and what the paper prints."""
+    """One of the paper's examples: a bundled scene, its judge, and the printed stick times (s)."""
 
     name: str
     site: str
@@ -181,9 +180,9 @@ def reproduce(example: Example) -> Reproduction:
 def formulation_difference(result: InverseResult, mechanism: Mechanism) -> float:
     """Return the largest difference of the two formulations along a motion (N m, N).
 
-    Compared are both ends of the efforts, the normal loads, both ends of the friction, and the
-    reaction wrenches at the sites, without loops those of all joints. Reversals between samples are
-    left out: the paper's formulation knows single states only.
+    Of both ends of efforts and friction, normal loads, and reaction wrenches at the sites (without
+    loops at all joints). Reversals between samples are left out: the paper's formulation knows
+    single states only.
     """
     states, scene = result.states, result.scene
     columns = {column.name: column for column in joint_columns(scene.loaded_model(), scene.source)}
@@ -211,10 +210,7 @@ def formulation_difference(result: InverseResult, mechanism: Mechanism) -> float
 
 
 def closed_loop_difference() -> float:
-    """Return the same (N m, N) of the slider-crank along its bundled motion, moving and at rest.
-
-    The paper's equations hold for closed loops and translational joints; its examples have neither.
-    """
+    """Return the same (N m, N) of the slider-crank along its bundled motion, moving and at rest."""
     scene = load_scene(CLOSED_LOOP)
     motion = load_trajectory(f"{CLOSED_LOOP}.waypoints.yaml", scene)
     q, v, a = (values[::LOOP_STRIDE] for values in (motion.q, motion.v, motion.a))
@@ -271,8 +267,8 @@ class LiteralExamples:
 def read_literally(example: Example) -> LiteralReading:
     """Simulate one example with its data as printed, by the absolute formulation.
 
-    Static below kinetic friction means that a joint which breaks away must slide against more than
-    held it: at the end of the first stick no motion is consistent.
+    With static below kinetic friction a joint that breaks away would slide against more than held
+    it: at the end of the first stick no motion is consistent.
     """
     judged = example.judge(reading="literal")
     arguments = judged.mechanism, judged.position, judged.rate, judged.effort

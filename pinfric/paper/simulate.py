@@ -1,9 +1,8 @@
-"""Simulation of stick and slip in absolute coordinates: what the paper's forward curves come from.
+"""Simulation of stick and slip in absolute coordinates, for the paper's forward curves.
 
-Drift is kept out by construction: what is integrated are the joint positions and rates, from which
-the absolute coordinates and speeds are made anew at every evaluation; accelerations come from (3)
-alone, by `forward`, and are then read off along the joint axes. Guards are watched and located
-here, not by SciPy's event search, which fires again when it is restarted exactly on a guard.
+Joint positions and rates are integrated; absolute coordinates and speeds are computed from them at
+every evaluation, so there is no drift. Guards are located here, not by SciPy's event search, which
+fires again when restarted exactly on a guard.
 """
 
 from __future__ import annotations
@@ -34,7 +33,7 @@ GUARD_POINTS = 4  # looks at each guard within one step of the integration
 
 @dataclass(frozen=True, eq=False)
 class Phase:
-    """A stretch of time in which no joint changes between stick and slip."""
+    """A time in which no joint changes between stick and slip."""
 
     start: float  # s
     end: float  # s
@@ -44,7 +43,7 @@ class Phase:
 
 @dataclass(frozen=True, eq=False)
 class AbsoluteMotion:
-    """A simulated motion; at an instant where modes change there are two samples, before and after.
+    """A simulated motion; where modes change there are two samples, before and after.
 
     `sample(t)` gives the instant and the state at any time.
     """
@@ -77,7 +76,7 @@ class AbsoluteMotion:
         return intervals
 
     def sample(self, time: float) -> tuple[Array, Array, AbsoluteInstant]:
-        """Positions and rates (nj,) and the instant at a time s; after the change, at a change."""
+        """Positions and rates (nj,) and the instant at a time s; at a change those after it."""
         if not self.phases[0].start <= time <= self.phases[-1].end:
             raise PinfricError(f"the motion does not contain t = {time} s")
         phase = next(p for p in reversed(self.phases) if p.start <= time)
@@ -105,18 +104,17 @@ def simulate(
 ) -> AbsoluteMotion:
     """Integrate a motion from t = 0 with stick and slip changing at located instants.
 
-    Accelerations from (3) by `forward`; guards are mode x rate = 0 for a joint that slips and
+    Accelerations are from (3) by `forward`; guards are mode x rate = 0 for a joint that slips and
     mu_s N - |friction| = 0 for one that sticks, located on the integrator's dense output.
 
     Args:
-        mechanism: bodies, joints, gravity and actuators.
-        position: (nj,) rad or m at t = 0.
-        rate: (nj,) rad/s or m/s at t = 0.
+        mechanism: bodies, joints, gravity and actuators; no loops.
+        position, rate: (nj,) rad or m, and per second, at t = 0.
         effort: time s -> (na,) N m.
         t_end: s.
         rtol: relative tolerance of the Dormand-Prince 8(5,3) steps.
         atol: absolute tolerance, rad, m and per second.
-        max_step: s; each step looks at the guards four times.
+        max_step: s; guards are evaluated four times in each step.
         sample_step: s between the samples of the result.
 
     Raises:
@@ -167,7 +165,7 @@ def _sampled(run: _Run, phases: tuple[Phase, ...], sample_step: float) -> Absolu
 
 
 class _Run:
-    """One simulation: what stays the same from phase to phase."""
+    """One simulation."""
 
     def __init__(
         self,
@@ -184,7 +182,7 @@ class _Run:
         self.evaluations = 0
 
     def instant(self, time: float, y: Array, modes: Modes) -> AbsoluteInstant:
-        """What happens in given modes, with sticking joints exactly at rest."""
+        """The instant in given modes, with sticking joints exactly at rest."""
         self.evaluations += 1
         rate = y[self.joints :].copy()
         rate[self.sites[modes == 0]] = 0.0
@@ -261,8 +259,8 @@ class _Run:
     ) -> float:
         """The instant in (early, late] where a site's guard, negative at late, leaves zero.
 
-        A guard that starts from zero (a slip that has just begun) must have risen first: the look
-        backwards ends where it is positive. One that never rises gives way at once, at early.
+        A guard that starts from zero (a slip that has just begun) must rise first: the search goes
+        back to where it is positive. One that never rises gives way at once, at early.
         """
         if before[site] <= 0:
             for _ in range(50):
@@ -280,7 +278,7 @@ class _Run:
     def change(self, time: float, y: Array, modes: Modes, event: int) -> tuple[Array, Modes]:
         """State and modes after the guard of a site gave way.
 
-        Another guard at zero at the same instant gives way at once in the phase that begins here.
+        Another guard at zero at this instant gives way at once in the new phase.
         """
         y, at_rest, free, trial = y.copy(), modes == 0, modes == 0, modes.copy()
         at_rest[event] = True
