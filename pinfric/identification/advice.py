@@ -1,8 +1,6 @@
-"""The most informative next recording, judged by its information matrix.
+"""The most informative next recording: standard errors with it are those of (H + H_new)^-1.
 
-A motion's columns do not need its efforts, so the normal equations of a recording that nobody has
-made yet are known: standard errors with it are those of (H + H_new)^-1. The factor for
-autocorrelated residuals is kept.
+A motion's columns do not need its efforts, so H_new is known before a recording is made.
 """
 
 from __future__ import annotations
@@ -58,11 +56,8 @@ def advise(estimate: Estimate) -> tuple[Advice, ...]:
     """Return recordings of 30 s each, the most informative one first.
 
     Where only the scale of all masses keeps a gear's losses from being known, one with a known
-    payload comes first: no other shows that scale. Their way-points are postures that the logs
-    visit; the motion between them is not checked for collisions.
-
-    Args:
-        estimate: the estimate.
+    payload comes first. Way-points are postures that the logs visit; the motion between them is not
+    checked for collisions.
     """
     problem = estimate.problem
     normal = problem.normal()
@@ -77,7 +72,7 @@ def advise(estimate: Estimate) -> tuple[Advice, ...]:
 
 
 def advice_text(advice: Advice, scene: Scene) -> str:
-    """Return a recording as a way-point file, with departures that show static friction first."""
+    """Return a recording as a way-point file that begins with departures, for static friction."""
     start = advice.points[0].q
     points = [*_departures(start), *advice.points[1:]]
     lines = [
@@ -116,7 +111,7 @@ def _departures(start: tuple[float, ...]) -> Iterator[WayPoint]:
 
 
 def _recordings(estimate: Estimate) -> Iterator[tuple[str, tuple[WayPoint, ...], float]]:
-    """The recordings that are weighed: name, way-points, load."""
+    """Yield name, way-points and load of each recording to weigh."""
     q = np.concatenate([log.recording.trajectory.joint_positions() for log in estimate.prepared])
     v = np.concatenate([log.recording.trajectory.v for log in estimate.prepared])
     limits = 0.8 * np.array([c.velocity_limit for c in joint_columns(estimate.scene.model)])
@@ -159,7 +154,7 @@ def _way(q: FloatArray, speed: FloatArray) -> tuple[WayPoint, ...]:
 def _weighed(
     estimate: Estimate, normal: Normal, name: str, points: tuple[WayPoint, ...], load: float
 ) -> Advice:
-    """Standard errors with one more recording, over those of now."""
+    """Return a recording with the factors by which it changes standard errors."""
     grams = _grams(estimate, points, load)
     more = Normal.of(grams, np.ones(1, dtype=bool), estimate.problem.weights)
     both = Normal(
@@ -214,7 +209,6 @@ def _grams(estimate: Estimate, points: tuple[WayPoint, ...], load: float) -> lis
 
 
 def _standard_errors(left: FloatArray) -> FloatArray:
-    """Square roots of the diagonal of the inverse."""
     size = np.sqrt(np.diag(left))
     inverse = np.linalg.inv(left / np.outer(size, size))
     return np.sqrt(np.maximum(np.diag(inverse), 0.0)) / size

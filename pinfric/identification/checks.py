@@ -1,8 +1,4 @@
-"""Checks of logs against the robot, before and after the fit: signs, gains, one robot.
-
-Nothing is guessed: an effort with the wrong sign or unit is refused by the joint's name, with what
-would explain it.
-"""
+"""Checks of logs against the robot, before and after the fit: signs, gains, one robot."""
 
 from __future__ import annotations
 
@@ -49,9 +45,8 @@ def check_efforts(scene: Scene, rows: Sequence[Rows], confirmed: Collection[str]
     """Refuse efforts that do not fit this robot in N m or N.
 
     Args:
-        scene: the robot as its URDF has it.
-        rows: of each joint.
-        confirmed: joints whose gain a person has given: only their signs are judged.
+        scene: with the URDF's inertias. rows: of each joint.
+        confirmed: joints whose gain a person has stated: only their signs are judged.
 
     Raises:
         IdentificationError: a wrong sign or unit, by joint, all in one message.
@@ -105,19 +100,12 @@ def check_efforts(scene: Scene, rows: Sequence[Rows], confirmed: Collection[str]
 def gravity_scales(
     scene: Scene, logs: Sequence[Prepared], rows: Sequence[Rows]
 ) -> dict[int, tuple[float, float]]:
-    """Return joint -> by what gravity of the URDF is multiplied in its effort, and its reach.
+    """Return joint -> factor s on the URDF's gravity in its effort, and reach of its 95 % interval.
 
         y = s G(q) + s_d (t - G) + J a + friction + g |t| sign v
 
-    t is the URDF's rigid effort. The reach is that of the 95 % interval of s, with blocks as
-    samples; losses that differ driving and driven by d change s by up to d/2. Joints whose effort
-    tells no such factor are left out: that gravity hardly loads, or whose motion does not tell it
-    from friction.
-
-    Args:
-        scene: the robot as its URDF has it.
-        logs: its logs.
-        rows: of each joint.
+    t is the URDF's rigid effort; blocks are the samples. Losses that differ by d between driving
+    and driven change s by up to d/2. Joints whose logs do not tell s are left out.
     """
     from scipy.special import stdtrit
 
@@ -149,19 +137,16 @@ def gravity_scales(
 
 
 def holds_no_gravity(scales: Mapping[int, tuple[float, float]]) -> bool:
-    """Return whether efforts hold no gravity: that of no joint, of those that tell it."""
+    """Return whether efforts hold no gravity, at all joints that can tell."""
     return bool(scales) and all(abs(s) + reach < _NO_GRAVITY for s, reach in scales.values())
 
 
 def check_gravity(
     scene: Scene, scales: Mapping[int, tuple[float, float]], confirmed: Collection[str]
 ) -> None:
-    """Refuse efforts that ask for another gravity than that of masses that are kept.
+    """Refuse efforts whose gravity (`gravity_scales`) is not that of masses that are kept.
 
-    Args:
-        scene: the robot; its masses are kept.
-        scales: as of `gravity_scales`.
-        confirmed: joints whose unit a person has confirmed.
+    Joints whose unit a person has `confirmed` pass.
 
     Raises:
         IdentificationError: by joint, all in one message.
@@ -184,13 +169,10 @@ def check_gravity(
 def check_limits(
     scene: Scene, rows: Sequence[Rows], fit: Fit, names: str, confirmed: Collection[str]
 ) -> None:
-    """Refuse efforts and friction that no drive of this robot can have: a wrong unit.
+    """Refuse efforts and friction beyond the URDF's limits of effort: a wrong unit.
 
     Args:
-        scene: the robot; its URDF limits efforts.
-        rows: of each joint.
-        fit: with Coulomb and viscous friction.
-        names: of the logs.
+        fit: with Coulomb and viscous friction. names: of the logs.
         confirmed: joints whose unit a person has confirmed.
 
     Raises:
@@ -224,7 +206,7 @@ def _carries(rows: Sequence[Rows], theta: FloatArray, factors: Mapping[int, floa
 
         effort = Y theta + Y_last (m, m c)    or    effort = factor Y theta
 
-    A payload must show at all joints alike; each joint counts by its effort's own spread.
+    Each joint counts by its effort's own spread.
     """
     by_factors, offs, lasts = 0.0, [], []
     for j, own in enumerate(rows):
@@ -241,7 +223,7 @@ def _carries(rows: Sequence[Rows], theta: FloatArray, factors: Mapping[int, floa
 
 
 def _beside_friction(rows: Rows, *given: FloatArray) -> Iterator[FloatArray]:
-    """Yield columns without what friction, a rotor's inertia and an offset make of them."""
+    """Yield columns without what friction, a rotor's inertia and an offset can make of them."""
     others = np.column_stack((rows.slots[:, _OWN], np.ones(rows.effort.size)))
     others = others / np.maximum(np.abs(others).max(axis=0), 1e-12)
     basis = np.linalg.qr(others)[0]
@@ -250,7 +232,7 @@ def _beside_friction(rows: Rows, *given: FloatArray) -> Iterator[FloatArray]:
 
 
 def _turned(rows: Rows, theta: FloatArray) -> bool:
-    """Whether the URDF's masses, friction and a rotor make the effort's negative, and not it.
+    """Whether masses, friction and a rotor explain the negative of an effort, but not the effort.
 
     +-effort = A x,    x >= 0: factors on the rigid effort, friction and acceleration
     """
@@ -268,8 +250,7 @@ def _turned(rows: Rows, theta: FloatArray) -> bool:
 def _slope(rows: Rows, prior: Prior) -> tuple[float, float]:
     """Slope and correlation of effort on rigid effort, friction, inertia and offset taken out.
 
-    1 and 0 where they say nothing: loads make little of the effort, and usual errors of a URDF may
-    explain the slope.
+    1 and 0 where loads make little of the effort, and usual errors of a URDF may explain the slope.
     """
     theta = prior.center
     load = rows.rigid @ theta
@@ -293,16 +274,12 @@ def check_one_robot(
 ) -> None:
     """Refuse logs whose rigid efforts cannot be from one robot.
 
-    Their factors on the rigid effort differ, and the fit of all predicts a log much worse than one
-    of its own does: a law that no fit has, as a gear's loss, shows in both.
+    Their factors on the rigid effort differ, and the common fit predicts one of them much worse
+    than its own fit does: what no law describes shows in both.
 
     Args:
-        joints: their names.
-        rows: of each joint.
         fits: of all logs, and then of each log alone.
-        logs: their names.
-        stated: numbers of logs of which a person has said what they carry; among these, no two are
-            compared.
+        stated: numbers of logs whose payload a person has stated; no two of these are compared.
 
     Raises:
         IdentificationError: names joint and logs.

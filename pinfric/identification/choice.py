@@ -38,10 +38,8 @@ class Problem:
     """What is fitted: all joints' summed products, and what may be chosen.
 
     Attributes:
-        grams: of each joint.
-        weights: (nj,) 1/variance of each joint's residual.
-        prior: of the links' parameters.
-        laws: the candidates of each joint.
+        grams: of each joint. weights: (nj,) 1/variance of each joint's residual.
+        prior: of the links' parameters. laws: the candidates of each joint.
         folds: (blocks,) the part with which each block is held out; -1: in no part, in no fit.
         rotor: whether rotors' inertias are fitted.
     """
@@ -54,10 +52,7 @@ class Problem:
     rotor: bool
 
     def slots(self, laws: Sequence[Law]) -> list[tuple[int, ...]]:
-        """Return the slots that all joints' laws take, rotors' inertias among them.
-
-        A joint without rows takes none, one that moves one way only no Coulomb friction the other.
-        """
+        """Return the slots of all joints' laws and rotors that the joint's rows fill."""
         rotor = (INERTIA,) if self.rotor else ()
         return [
             tuple(slot for slot in (*rotor, *law.slots) if own[slot])
@@ -71,19 +66,18 @@ class Problem:
 
     @cached_property
     def _seen(self) -> list[list[bool]]:
-        """Which slots of each joint its rows have anything of."""
+        """In which slots each joint's rows are not all zero."""
         sizes = [gram.products.diagonal(axis1=1, axis2=2).sum(axis=0) for gram in self.grams]
         return [(size[-K - 1 : -1] > 0.0).tolist() for size in sizes]
 
 
 @dataclass(frozen=True)
 class Choice:
-    """The chosen laws, and the held-out error of each candidate.
+    """The chosen laws, and the held-out error of each candidate, by joint.
 
     Attributes:
-        laws: of each joint.
-        errors: of each joint: law -> RMS on held-out rows, N m or N.
-        rivals: of each joint: laws with another load that these rows do not rule out.
+        errors: law -> RMS on held-out rows, N m or N.
+        rivals: laws with another load that these rows do not rule out.
     """
 
     laws: tuple[Law, ...]
@@ -111,10 +105,10 @@ class Choice:
 def held_out_parts(block: IntArray, log: IntArray) -> IntArray:
     """Return with which part each block is held out: whole logs, or neighbouring blocks.
 
-    Blocks without rows are in part 0; parts are of blocks, or logs, in which something slides.
+    Parts are of blocks, or logs, in which something slides; all others are in part 0.
 
     Args:
-        block: (n,) of every row of any joint. log: (n,) the logs of these rows.
+        block, log: (n,) of every row of any joint.
     """
     of_block = np.zeros(int(block.max()) + 1, dtype=np.int64)
     whole_logs = np.unique(log)
@@ -130,9 +124,6 @@ def choose(problem: Problem) -> Choice:
     """Return each joint's law.
 
     First all joints change law together, then one at a time beside the others' laws.
-
-    Args:
-        problem: at least two parts can be held out.
     """
     candidates = list(dict.fromkeys((PLAIN, *(law for laws in problem.laws for law in laws))))
     judge = _Judge(problem)
@@ -163,16 +154,10 @@ def choose(problem: Problem) -> Choice:
 
 
 def nested_errors(problem: Problem, rows: Sequence[Rows]) -> tuple[FloatArray, FloatArray]:
-    """Return each joint's RMS error on blocks not used to choose or fit its law.
+    """Return each joint's RMS error on blocks not used to choose or fit its law, N m or N.
 
-    Every row counts alike: weights of outliers are those of the law taken, and would flatter it.
-
-    Args:
-        problem: as for `choose`.
-        rows: of each joint, of which the problem's products are.
-
-    Returns:
-        (nj,) of the laws chosen without these blocks, (nj,) of plain friction; N m or N.
+    (nj,) of the laws chosen without these blocks, and of plain friction. Every row counts alike:
+    weights of outliers follow the chosen law, and would flatter it.
     """
     squares = np.zeros((2, len(problem.laws)))
     plain = [PLAIN] * len(problem.laws)
@@ -190,12 +175,9 @@ def nested_errors(problem: Problem, rows: Sequence[Rows]) -> tuple[FloatArray, F
 
 
 def free_errors(problem: Problem, rows: Sequence[Rows]) -> FloatArray:
-    """Return each joint's RMS error on held-out blocks with plain friction and free links, (nj,).
+    """Return (nj,) RMS errors on held-out blocks of ordinary least squares, with plain friction.
 
-    These are ordinary least squares: the URDF only decides what no row tells.
-
-    Args:
-        problem, rows: as for `nested_errors`.
+    The URDF only decides what no row tells.
     """
     squares, plain = np.zeros(len(rows)), problem.slots([PLAIN] * len(rows))
     free = replace(problem.prior, weight=_FREE * problem.prior.weight)
@@ -209,8 +191,6 @@ def free_errors(problem: Problem, rows: Sequence[Rows]) -> FloatArray:
 
 
 class _Judge:
-    """Held-out errors of laws."""
-
     def __init__(self, problem: Problem) -> None:
         self._problem = problem
         used = problem.folds >= 0
@@ -234,7 +214,7 @@ class _Judge:
         return [block_errors(self._grams[j], np.hstack((theta, slots_of[:, j]))) for j in joints]
 
     def taken(self, joint: int, errors: Mapping[Law, FloatArray]) -> Law:
-        """Return the joint's law by the candidates' sums of squared errors in every part."""
+        """Return the joint's law, by the candidates' sums of squared errors in every part."""
         own = self._problem.laws[joint]
         return simplest_adequate_law({law: errors[law] for law in own}, self.rows[joint])
 
@@ -242,13 +222,12 @@ class _Judge:
 def simplest_adequate_law(errors: Mapping[Law, FloatArray], rows: FloatArray) -> Law:
     """Return the law of fewest coefficients that is not worse than the best one.
 
-    Not worse: the mean of the parts' differences in squared error is within one standard error, or
-    the RMS error within 2 %. Among as many coefficients viscous friction goes before other powers
-    of the speed, which noise prefers as often as not; then the smaller error decides.
+    Not worse: the parts' mean difference in squared error is within one standard error, or the RMS
+    error within 2 %. Among equally many coefficients, viscous friction goes before other powers of
+    the speed, which noise prefers as often; then the smaller error decides.
 
     Args:
-        errors: law -> (parts,) sum of squared errors.
-        rows: (parts,) their numbers.
+        errors: law -> (parts,) sum of squared errors. rows: (parts,) their numbers.
     """
     best = min(errors, key=lambda law: float(errors[law].sum()))
     least = float(errors[best].sum())
@@ -266,15 +245,10 @@ def simplest_adequate_law(errors: Mapping[Law, FloatArray], rows: FloatArray) ->
 def not_ruled_out(
     chosen: Law, errors: Mapping[Law, FloatArray], rows: FloatArray
 ) -> tuple[Law, ...]:
-    """Return the best law of each other load, where held-out rows do not rule it out.
+    """Return the best law of each other load that held-out rows do not rule out.
 
-    One loss of a gear and two are different loads. It is beside the chosen law's Coulomb friction
-    and power of the speed. Ruled out is what is worse by more than two standard errors of the
-    parts' differences.
-
-    Args:
-        chosen: the law.
-        errors, rows: as in `simplest_adequate_law`.
+    One loss of a gear and two are different loads; other terms are the chosen law's. Ruled out is
+    what is worse by more than two standard errors of the parts' differences.
     """
 
     def load(law: Law) -> tuple[str, bool]:

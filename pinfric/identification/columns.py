@@ -1,9 +1,8 @@
-"""The linear model of one log: every column that a coefficient multiplies, low-passed and thinned.
+"""The linear model of one log: all columns that coefficients multiply, low-passed and thinned.
 
     y = Y(q, v, a) theta + J a + friction      theta: 10 inertial parameters per link
 
-Rows are kept where a joint slides, away from its turning points: presliding is no law of friction.
-All columns and the effort pass the same low pass, so that it takes nothing away from the fit.
+Rows are kept where a joint slides, away from its turning points: no law describes presliding.
 """
 
 from __future__ import annotations
@@ -59,14 +58,14 @@ _HARDLY = 1e-9
 
 @dataclass(frozen=True)
 class Rows:
-    """The rows of one joint in all logs, low-passed and thinned; only those that slide.
+    """The rows of one joint that slide in any log, low-passed and thinned.
 
     Attributes:
         rigid: (n, 10 nj) derivatives of the effort by the links' inertial parameters.
         slots: (n, K) what the joint's own coefficients multiply.
         effort: (n,) measured less what payloads take, N m or N.
-        block, log: (n,) to which it belongs.
-        time, velocity, load: (n,) s, rad/s, and the rigid effort (N m or N), for pictures.
+        block, log: (n,) numbers of each row's block and log.
+        time, velocity, load: (n,) s, rad/s or m/s, and effort without friction (N m or N).
     """
 
     rigid: FloatArray
@@ -80,25 +79,23 @@ class Rows:
 
     @property
     def columns(self) -> FloatArray:
-        """(n, 10 nj + K) what the links' and the joint's own coefficients multiply."""
+        """(n, 10 nj + K) `rigid` and `slots` side by side."""
         return np.hstack((self.rigid, self.slots))
 
 
 @dataclass(frozen=True)
 class Prepared:
-    """One log's columns that no estimate changes, low-passed and thinned.
+    """The columns of one log, low-passed and thinned; T samples, n of them kept.
 
     Attributes:
-        recording: the log.
         kept: (n,) samples that stay after thinning.
-        slides: (n, nj) which rows count.
-        rigid: (n, nj, 10 nj).
-        slots: (n, nj, K); those of loads are 0.
-        effort: time -> (., nj) low-passed, payloads' and springs' part taken out. A cubic spline:
-            between samples, means of two would have less noise, and delays be drawn there.
+        slides: (n, nj) where a joint slides: the rows that are fitted.
+        rigid, slots: (n, nj, ...) as in `Rows`; slots of loads are 0 before `with_loads`.
+        effort: time -> (., nj) low-passed, less what payloads and springs take. A cubic spline:
+            means of two samples have less noise, which would draw delays between samples.
         payload: (T, nj) what payloads take, less what springs give, N m or N.
-        load, bearing: (T, nj) effort without friction, and the load of the joint's bearing, or of
-            its gear where the scene names none, of the present estimate; N m or N.
+        load, bearing: (T, nj) by the present estimate, N m or N: effort without friction; load of
+            the joint's bearing, or of its gear where the scene names no bearing.
         presliding: (n, nj, 3) of friction that builds up after reversals; only the delay has it.
         turns: (n, nj) sliding rows so soon after a reversal that friction may still build up.
         missing: (T, nj) gravity by the URDF where the efforts hold none, else 0, N m or N.
@@ -119,11 +116,7 @@ class Prepared:
 
 
 def thinning(recordings: Sequence[Recording]) -> int:
-    """Return the factor by which samples are thinned beyond what the low pass allows, in all logs.
-
-    Args:
-        recordings: the logs.
-    """
+    """Return the factor by which all logs are thinned beyond what the low pass allows."""
     count = sum(recording.trajectory.t.size / _spacing(recording.step) for recording in recordings)
     return int(np.ceil(count / _MOST))
 
@@ -135,12 +128,11 @@ def _spacing(step: float) -> int:
 def prepare(
     scene: Scene, recording: Recording, thin: int = 1, no_gravity: bool = False
 ) -> Prepared:
-    """Return those of a log's columns that no estimate changes.
+    """Return a log's columns, with loads by the URDF's inertias.
 
     Args:
-        scene: the robot as its URDF has it.
-        recording: one log.
-        thin: by how much fewer samples are kept than the low pass asks for.
+        scene: the robot as its URDF has it. recording: one log.
+        thin: factor of thinning beyond what the low pass allows.
         no_gravity: whether the efforts hold no gravity; loads of bearings and gears do.
     """
     from scipy.interpolate import BSpline, make_interp_spline
@@ -189,7 +181,7 @@ def prepare(
 def _presliding(recording: Recording, kept: IntArray) -> tuple[FloatArray, BoolArray]:
     """Return sign v exp(-x/d), low-passed (n, nj, 3), and where x is below the longest d (n, nj).
 
-    x is the way since the joint reversed.
+    x: distance since the joint's last reversal, rad or m.
     """
     step, nj = recording.step, recording.velocity.shape[1]
     columns = np.zeros((kept.size, nj, len(PRESLIDING)))
@@ -215,12 +207,7 @@ def weightless(model: pin.Model) -> pin.Model:
 
 
 def along(scene: Scene, motion: Trajectory) -> tuple[FloatArray, FloatArray]:
-    """Return effort without friction (T, nj) and sites' loads (T, sites), part by part.
-
-    Args:
-        scene: the robot.
-        motion: of its joints.
-    """
+    """Return effort without friction (T, nj) and sites' loads (T, sites), computed part by part."""
     parts = [
         (chunk.effort_frictionless, chunk.normal_load)
         for chunk in inverse_dynamics(scene, motion, chunks=PART)
@@ -232,8 +219,8 @@ def along(scene: Scene, motion: Trajectory) -> tuple[FloatArray, FloatArray]:
 def _rigid_columns(scene: Scene, recording: Recording, kept: IntArray) -> FloatArray:
     """Pinocchio's regressor of the links' inertial parameters, low-passed: (n, nj, 10 nj).
 
-    For coupled drives, what they deliver: P times it. A long log's would not fit in memory, so it
-    is computed in parts, which overlap by the time over which the low pass has influence.
+    Of coupled drives P times it. Computed in parts to fit in memory; they overlap by the time over
+    which the low pass has influence.
     """
     nj, count = scene.model.nv, recording.trajectory.t.size
     beyond = int(np.ceil(_FORGOTTEN / recording.step))
@@ -250,7 +237,7 @@ def _rigid_columns(scene: Scene, recording: Recording, kept: IntArray) -> FloatA
 
 
 def _regressor(scene: Scene, motion: Trajectory, start: int, stop: int) -> FloatArray:
-    """Columns of the links' inertial parameters at samples from `start` up to `stop`."""
+    """Columns of the links' inertial parameters at samples from `start` to before `stop`."""
     model, P = scene.model, delivery(scene.drives, scene.model.nv)
     data, parts = model.createData(), (x[start:stop] for x in (motion.q, motion.v, motion.a))
     regressors = np.array(
@@ -264,12 +251,7 @@ def _regressor(scene: Scene, motion: Trajectory, start: int, stop: int) -> Float
 
 
 def passed(columns: FloatArray, step: float) -> FloatArray:
-    """Return columns behind the low pass of all columns.
-
-    Args:
-        columns: (T, ...).
-        step: s between samples.
-    """
+    """Return columns (T, ...) behind the low pass that all share; `step` in s."""
     if step * PASS >= 0.45:
         return columns
     if columns.size < _AT_ONCE:
@@ -290,7 +272,7 @@ def _sliding(recording: Recording, known: BoolArray) -> BoolArray:
 
 
 def _beside(where: BoolArray, step: float) -> BoolArray:
-    """Return (T, nj) where, or so near that the low pass brings something of it."""
+    """Return (T, nj) where `where` holds, or so near that the low pass carries some of it there."""
     reach = int(np.ceil(_BESIDE / (PASS * step)))
     count = np.cumsum(np.pad(where, ((reach + 1, reach), (0, 0)), mode="edge"), axis=0)
     return np.asarray(count[2 * reach + 1 :] - count[: -2 * reach - 1] > 0)
@@ -299,10 +281,7 @@ def _beside(where: BoolArray, step: float) -> BoolArray:
 def settled(prepared: Prepared) -> Prepared:
     """Return a log without the rows in which friction may still build up after a reversal.
 
-    A joint of which these are most rows keeps them.
-
-    Args:
-        prepared: one log.
+    A joint keeps them if they are more than half of its rows.
     """
     slides = prepared.slides & ~prepared.turns
     few = 2 * slides.sum(axis=0) < prepared.slides.sum(axis=0)
@@ -310,12 +289,11 @@ def settled(prepared: Prepared) -> Prepared:
 
 
 def with_loads(prepared: Prepared, scene: Scene, inner: FloatArray) -> Prepared:
-    """Return the columns with those of loads, by the rigid effort of an estimate.
+    """Return the columns with those of loads, by an estimate's effort without friction.
 
     Args:
-        prepared: one log.
-        scene: with the present estimate of the links' inertias; its bearings.
-        inner: (T, nj) the friction on the joint's side, N m or N, of the present estimate.
+        prepared: one log. scene: with the estimate's link inertias.
+        inner: (T, nj) the estimate's friction on the joint's side of the gear, N m or N.
     """
     recording = prepared.recording
     motion, step = recording.trajectory, recording.step
@@ -342,11 +320,7 @@ def with_loads(prepared: Prepared, scene: Scene, inner: FloatArray) -> Prepared:
 
 
 def bearings_only(scene: Scene) -> Scene:
-    """Return the scene with next to no friction that reports its bearings' loads.
-
-    Args:
-        scene: with bearings.
-    """
+    """Return the scene with bearings of negligible friction only, which reports their loads."""
     return scene.with_(
         friction={
             name: Friction(bearing=entry.bearing, mu=LoadFriction(static=_HARDLY, kinetic=_HARDLY))
@@ -357,14 +331,9 @@ def bearings_only(scene: Scene) -> Scene:
 
 
 def joint_rows(logs: Sequence[Prepared], joint: int, delay: float) -> Rows:
-    """Return one joint's rows in all logs.
+    """Return one joint's rows in all logs, whose efforts lag behind the motion by `delay` s.
 
-    In a direction in which it hardly slides Coulomb friction is taken as in the other one.
-
-    Args:
-        logs: the logs.
-        joint: its column.
-        delay: s by which the logged effort lags behind the motion.
+    In a direction in which it hardly slides its Coulomb friction is taken as in the other.
     """
     parts, first = [], 0
     for number, prepared in enumerate(logs):
@@ -402,9 +371,9 @@ def joint_rows(logs: Sequence[Prepared], joint: int, delay: float) -> Rows:
 
 
 def blocks(t: FloatArray) -> tuple[int, IntArray]:
-    """Return how many blocks of 1 to 5 s a log has, and the block of each sample.
+    """Return the number of blocks of a log, of 1 to 5 s each, and the block of each sample.
 
-    A log of a quarter of an hour or more has 200 longer blocks.
+    A log of more than 1000 s has 200 longer blocks.
     """
     span = float(t[-1] - t[0])
     count = max(1, round(span / float(np.clip(span / _BLOCKS, *_BLOCK))))

@@ -1,15 +1,9 @@
-"""Delay of the logged efforts behind the motion, with its standard error.
+"""Delay of the logged efforts behind the motion (`notebooks/theory/identification`, "The delay").
 
     y(t + d) = X(t) beta,    so  y(t + d0) = X beta - (d - d0) y'(t + d0)    near d0
 
-Each joint's change of delay is one more coefficient beside the links' and friction's, with a
-standard error from blocks as theirs. One clock and one filter make one delay. So joints that differ
-by more than their errors show something else: friction that changes with the angle, play, a filter.
-Their disagreement is then part of the delay's standard error. Each log has coefficients of its own:
-a warm robot must not look like a delay. Friction that builds up over some way after a reversal
-(presliding) looks like one, too, so each joint's friction may do so (`columns.PRESLIDING`) where a
-log shows it: elsewhere reversals tell of the delay, and without them it is biased. A log that
-shows it clearly tells coefficients only by its rows farther from reversals (`columns.settled`).
+Each joint's change of delay is one more coefficient. Each log has coefficients of its own, because
+a warm robot must not look like a delay, and, where it shows presliding, columns of that.
 """
 
 from __future__ import annotations
@@ -58,9 +52,9 @@ class Delay:
 
     Attributes:
         value: taken for all logs; a guess, or 0, where it is not determined.
-        standard_error: of what the logs say together, their spread and that of joints included.
+        standard_error: of all logs together, the spread of logs and joints included.
         logs: (value, standard error) of each log alone.
-        joints: (value, standard error) of each joint alone that slides.
+        joints: joint -> (value, standard error), of those that slide.
         builds_up: (logs,) whether each clearly shows presliding.
     """
 
@@ -77,7 +71,7 @@ class Delay:
 
     @property
     def disputed(self) -> bool:
-        """Whether it is not determined because joints that know their own do not agree."""
+        """Whether it is not determined because joints with small errors do not agree."""
         known = sum(error**-2.0 for _, error in self.joints.values())
         return not self.determined and known > _VAGUE**-2.0
 
@@ -94,8 +88,7 @@ class LogDelay:
 
     Attributes:
         value, standard_error: of the joints together, their spread included.
-        joints: joint -> (value, standard error) of those that slide in it.
-        builds_up: whether it clearly shows presliding.
+        joints: as in `Delay`. builds_up: whether it clearly shows presliding.
     """
 
     value: float
@@ -105,11 +98,11 @@ class LogDelay:
 
 
 def common_delay(logs: Sequence[LogDelay]) -> Delay:
-    """Return the mean of logs' delays weighted by their information.
+    """Return the delay of all logs, by `pooled`.
 
     Args:
-        logs: of each; a standard error is infinite where nothing slides, or where the search ended
-            at a bound.
+        logs: a standard error is infinite where nothing slides, or where the search ended at a
+            bound.
     """
     known = [(log.value, log.standard_error) for log in logs if np.isfinite(log.standard_error)]
     mean, error = pooled(known) if known else (0.0, np.inf)
@@ -131,8 +124,8 @@ def pooled(estimates: Sequence[tuple[float, float]]) -> tuple[float, float]:
         scatter = the least with  sum of psi(r)^2 <= (n - 1) E[psi^2]
         error = 1/sqrt(sum of 1/(e^2 + scatter^2))
 
-    with psi(r) = r within 1.345, else 1.345 sign(r) (Huber, Robust statistics, 1981, ch. 6:
-    proposal 2). So one value with a wrong error neither draws the mean nor blows up its error.
+    psi(r) = r within 1.345, else 1.345 sign(r) (Huber, Robust statistics, 1981, ch. 6: proposal 2),
+    so one value with a wrong error does not draw the mean.
 
     Args:
         estimates: (value, standard error) of each.
@@ -160,11 +153,7 @@ def pooled(estimates: Sequence[tuple[float, float]]) -> tuple[float, float]:
 
 
 def other_delays(delay: Delay) -> dict[int, tuple[float, float]]:
-    """Return joint -> (value, standard error), s, of joints whose delay is not the common one.
-
-    Args:
-        delay: of the logs.
-    """
+    """Return joint -> (value, standard error), s, of joints whose delay is not the common one."""
     if not delay.joints:
         return {}
     mean, _ = pooled(list(delay.joints.values()))
@@ -178,16 +167,7 @@ def other_delays(delay: Delay) -> dict[int, tuple[float, float]]:
 def log_delay(
     prepared: Prepared, slots: Sequence[Sequence[int]], prior: Prior, start: float
 ) -> LogDelay:
-    """Return the delay of one log's efforts.
-
-    A log in which nothing slides has no rows: its standard error is infinite.
-
-    Args:
-        prepared: the log's columns.
-        slots: of each joint's law.
-        prior: of the links' parameters.
-        start: a delay nearby, s.
-    """
+    """Return the delay of one log's efforts, near `start`, s; an infinite error: nothing slides."""
     if not prepared.slides.any():
         return LogDelay(start, np.inf)
     none = [np.zeros((int(at.sum()), 0)) for at in prepared.slides.T]
@@ -216,7 +196,7 @@ def log_delay(
 
 
 class _Search(NamedTuple):
-    """A log's delay, the slopes of its efforts (n,), weights, and squares (nj,) that are left."""
+    """A log's delay, s, slopes of its efforts (n,), weights, and squared residuals (nj,)."""
 
     delay: float
     slopes: list[FloatArray]
@@ -232,7 +212,7 @@ def _searched(
     delay: float,
     bases: Sequence[FloatArray],
 ) -> _Search:
-    """Find the delay from one nearby, by fits in which what `bases` describe takes no part."""
+    """Find the delay from one nearby, by fits beside what `bases` span."""
     slopes = [np.zeros(prepared.kept.size) for _ in slots]
     row_weights: tuple[FloatArray, ...] = ()
     weights = squares = np.ones(len(slots))
@@ -251,7 +231,6 @@ def _searched(
 def _normal(
     rows: Sequence[Rows], row_weights: Sequence[FloatArray], weights: FloatArray
 ) -> tuple[list[BlockProducts], Normal]:
-    """Products of each joint by block, and the normal equations of all."""
     blocks = 1 + max(int(own.block.max(initial=0)) for own in rows)
     grams = [BlockProducts.of(own, w, blocks) for own, w in zip(rows, row_weights, strict=True)]
     return grams, Normal.of(grams, np.ones(blocks, dtype=bool), weights)
@@ -278,7 +257,7 @@ def _with_errors(
 
 
 def _with_delays(links: Prior, prepared: Prepared, delay: float, count: int) -> Prior:
-    """The prior of the links' parameters, and of `count` changes of the delay behind them."""
+    """The links' prior, followed by that of `count` changes of the delay."""
     # what is known of delays counts like rows of unit variance
     strength = 1.0 / (_USUAL**2 * float(prepared.slides.sum()))
     known = np.full(count, -delay), np.full(count, strength), np.full(count, _USUAL)
@@ -295,7 +274,7 @@ def _with_slopes(
 ) -> list[Rows]:
     """Each joint's rows with -y' behind the links' columns: one column, or one for each joint.
 
-    What each joint's basis describes is taken out of all of them.
+    What each joint's basis spans is taken out of them.
     """
     result = []
     for j, slope in enumerate(slopes):
@@ -310,7 +289,7 @@ def _with_slopes(
 
 
 def _slope(prepared: Prepared, fit: Fit, joint: int, links: int) -> FloatArray:
-    """Derivative by time of one joint's fitted effort: the logged one's would be that of noise."""
+    """Derivative by time of one joint's fitted effort; that of the logged one would be noise."""
     from scipy.interpolate import CubicSpline
 
     fitted = (

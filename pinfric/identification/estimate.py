@@ -1,8 +1,7 @@
-"""From recordings to one estimate: delay, laws, inertias and coefficients, in three passes.
+"""From recordings to one estimate: delay, laws, inertias and coefficients, in passes.
 
-Loads follow from inertias, and inertias from a fit that knows the loads. So the first pass takes
-the URDF's inertias and plain friction, and each later one what has been found before. What is found
-stands in one `Estimate`, which every step changes.
+Loads follow from inertias, and inertias from a fit that knows the loads: the first pass takes the
+URDF's inertias and plain friction, each later one the results of the one before.
 """
 
 from __future__ import annotations
@@ -87,18 +86,17 @@ _UNEXPLAINED = 0.8
 
 @dataclass(frozen=True)
 class Question:
-    """The question of an identification: scene, logs and what is free.
+    """What an identification is asked: scene, logs and what is free.
 
     Attributes:
         scene: the robot; its bearings are candidates.
-        recordings: the logs.
         at: what the logs' efforts are, one of `EFFORT_PLACES`; here they are stated at the joints.
-        keep_inertias: the URDF's are right.
+        keep_inertias: whether the URDF's count as right.
         laws: joint -> its law, where it is not to be chosen.
-        gains: joints whose efforts' unit a person has said.
+        gains: joints whose effort's unit a person has stated.
         without: joints whose efforts were left out.
-        no_gravity: the efforts hold no gravity: the loads on bearings and gears are the URDF's, and
-            links found of the rest are no robot's.
+        no_gravity: whether the efforts hold no gravity: then loads on bearings and gears are the
+            URDF's, and the fitted links no robot's.
     """
 
     scene: Scene
@@ -126,22 +124,17 @@ class Estimate:
     """What is known at a step, and in the end what was found.
 
     Attributes:
-        question: what was asked.
         scene: the question's, with the links' inertias found.
         prepared: the columns of each log, loads by the present inertias.
         choice: laws and held-out errors.
-        rows: of each joint.
-        row_weights: (n,) of each joint's rows, those of outliers below 1.
+        rows: of each joint. row_weights: (n,) of these, below 1 for outliers.
         problem: the summed products, with the weights that were used.
         fit: with links that can exist.
-        delay: by which logged efforts lag behind.
         stribeck: of each joint's friction; None: it has none.
-        errors: (nj,) of the laws taken and of plain friction, on blocks that neither their choice
-            nor their fit has seen, N m or N.
-        distrusted: whether the chosen laws predicted these blocks worse than plain friction,
-            which was taken instead.
-        gravity: joint -> by what the URDF's gravity is multiplied in its effort, and the reach of
-            the 95 % interval, where the logs tell it.
+        errors: (nj,) of the chosen laws and of plain friction, on blocks used neither for the
+            choice nor for the fit, N m or N.
+        distrusted: whether the chosen laws were worse there than plain friction, now taken instead.
+        gravity: see `gravity_scales`.
     """
 
     question: Question
@@ -160,7 +153,7 @@ class Estimate:
 
     @cached_property
     def unexplained(self) -> dict[int, float]:
-        """Joint -> held-out error over that of the mean effort, where it is hardly smaller."""
+        """Joint -> held-out error / standard deviation of its effort, above `_UNEXPLAINED`."""
         best = np.minimum(*self.errors)
         spread = [float(np.std(own.effort)) if own.effort.size else np.inf for own in self.rows]
         return {j: x for j, x in enumerate((best / spread).tolist()) if x > _UNEXPLAINED}
@@ -174,11 +167,7 @@ class Estimate:
 
 
 def estimate(question: Question, progress: Callable[[int, int], object]) -> Estimate:
-    """Return delay, laws, inertias and coefficients.
-
-    Args:
-        question: scene, logs and freedom.
-        progress: called with the number of finished steps and of all.
+    """Return delay, laws, inertias and coefficients; `progress`: see `identify`.
 
     Raises:
         IdentificationError: next to nothing slides; an effort with a wrong sign or unit; no joint
@@ -244,7 +233,6 @@ def estimate(question: Question, progress: Callable[[int, int], object]) -> Esti
 
 
 def _unjudged(laws: tuple[Law, ...]) -> Choice:
-    """Laws that nothing was held out for."""
     return Choice(laws, ({},) * len(laws), ((),) * len(laws))
 
 
@@ -263,7 +251,7 @@ def _doubt(estimate: Estimate) -> None:
 
 
 def _find_delay(estimate: Estimate, reload: bool = False) -> None:
-    """Find by how much the logged efforts lag, by the present laws; loads anew if asked."""
+    """Find by how much logged efforts lag, by the present laws; `reload` renews the loads first."""
     slots = estimate.problem.slots(estimate.choice.laws)
     # what the next fit computes again takes much memory
     estimate.rows, estimate.row_weights, estimate.problem = (
@@ -284,7 +272,7 @@ def _find_delay(estimate: Estimate, reload: bool = False) -> None:
 
 
 def _fit(estimate: Estimate, laws: Sequence[Sequence[Law]]) -> None:
-    """Fit the columns as they are, with laws chosen among those offered."""
+    """Fit the present columns, with laws chosen among those offered."""
     # 1. rows at the present delay, and the parts of their blocks that are held out
     question, nj = estimate.question, estimate.question.scene.model.nv
     estimate.rows = rows = tuple(
@@ -341,7 +329,7 @@ def _fit(estimate: Estimate, laws: Sequence[Sequence[Law]]) -> None:
 
 
 def _stribeck_choices(estimate: Estimate, joint: int) -> list[list[int]]:
-    """What of one joint's friction may fall from rest to motion: the choices to search among."""
+    """Slots of a joint's friction that may fall from rest to motion: choices to search among."""
     mine = estimate.question.laws.get(estimate.scene.joint_names[joint])
     if mine is not None or estimate.choice.laws[joint].stribeck_slots:
         slots = (mine or estimate.choice.laws[joint]).stribeck_slots
@@ -365,18 +353,13 @@ def _loads(estimate: Estimate, joint: int) -> bool:
 
 
 def turns(scene: Scene, name: str) -> bool:
-    """Return whether a joint turns, so that the scene can state its gear's loss as a load.
-
-    Args:
-        scene: the robot.
-        name: of one joint.
-    """
+    """Return whether a joint turns, so that the scene can state its gear's loss as a load."""
     joint = scene.model.joints[scene.joint_names.index(name) + 1]
     return not joint.shortname().startswith("JointModelP")
 
 
 def _shows_gear(estimate: Estimate, joint: int) -> bool:
-    """Whether a joint's load is large enough beside its friction to tell what its gear loses."""
+    """Whether a joint's load is large enough beside its friction to show its gear's loss."""
     # friction that was fitted without a gear contains the gear's loss at the mean load
     load = estimate.rows[joint].load
     coulomb = 0.5 * float(estimate.fit.slots[joint, COULOMB].sum())
@@ -411,12 +394,8 @@ def offered(estimate: Estimate, joint: int) -> tuple[Law, ...]:
 def scale_is_known(estimate: Estimate) -> bool:
     """Return whether the scale of the masses is known, so that both losses of a gear show.
 
-    With all masses free, (t + f)/eta and eta_b (t + f) are also the efforts of a robot and a
-    friction larger by 1/eta, in a gear without loss driving and with eta eta_b driven: only the
-    product is known.
-
-    Args:
-        estimate: the estimate.
+    With free masses, (t + f)/eta and eta_b (t + f) are also the efforts of a robot and a friction
+    larger by 1/eta, whose gear loses nothing driving and has eta eta_b driven.
     """
     return estimate.question.inertias_stay or any(
         log.recording.trajectory.attached.any() for log in estimate.prepared
@@ -424,15 +403,11 @@ def scale_is_known(estimate: Estimate) -> bool:
 
 
 def _at_an_end(problem: Problem, choice: Choice, fit: Fit, scale: bool) -> list[int]:
-    """Return the joints of whose gear's two losses one is zero, where one loss may be chosen.
+    """Return the joints with one gear loss of two at zero, where one loss may be chosen.
 
-    With all masses free the two follow the masses' scale (`scale_is_known`). One that is zero is
-    the end of that scale, not a finding: the joint's other coefficients would follow it. Nor is one
-    that makes no gear, eta_b <= -1/eta.
-
-    Args:
-        problem, choice, fit: with the two losses.
-        scale: whether the masses' scale is known; then a loss may be zero.
+    With free masses a loss of zero is the end of their scale (`scale_is_known`), not a result, and
+    would bias the joint's other coefficients. Losses that make no gear, eta_b <= -1/eta, count,
+    too.
     """
     ends = []
     for j, law in enumerate(choice.laws):
@@ -445,7 +420,7 @@ def _at_an_end(problem: Problem, choice: Choice, fit: Fit, scale: bool) -> list[
 
 
 def reloaded(estimate: Estimate, prepared: Prepared, scene: Scene | None = None) -> Prepared:
-    """Return one log's columns with loads by the present estimate, or by another scene's links."""
+    """Return a log's columns with loads by the present estimate, or with another scene's links."""
     v = prepared.recording.velocity
     inner = np.zeros_like(v)
     for j, values in enumerate(estimate.fit.slots):

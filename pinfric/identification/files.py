@@ -23,11 +23,7 @@ _ROBOT = "robot.urdf"
 
 
 def identified_files(findings: Findings, folder: Path) -> dict[str, str]:
-    """Return name -> what writes that file: scene, robot (if corrected), posterior, sweep, advice.
-
-    Args:
-        findings: what was identified.
-        folder: where they will stand; files are named relative to it.
+    """Return file name -> text: scene, robot (if corrected), posterior, sweep, advice.
 
     Raises:
         IdentificationError: the scene has no URDF that a file could name.
@@ -60,11 +56,7 @@ table: posterior.csv
 
 
 def posterior_text(findings: Findings) -> str:
-    """Return the draws as a table that a sweep takes: factors on the scene's values, efficiencies.
-
-    Args:
-        findings: what was identified.
-    """
+    """Return the draws as a table for a sweep: factors on the scene's values, but efficiencies."""
     values = {p.key: p.value for p in findings.parameters}
     for key in findings.posterior:  # one way only was logged, and its friction taken for the other
         head, _, direction = key.rpartition(".")
@@ -80,13 +72,7 @@ def posterior_text(findings: Findings) -> str:
 
 
 def scene_text(findings: Findings, robot: Robot, folder: Path) -> str:
-    """Return the identified scene as a commented file.
-
-    Args:
-        findings: what was identified.
-        robot: of its scene.
-        folder: where it will stand.
-    """
+    """Return the identified scene as a commented file that will stand in `folder`."""
     content = scene_content(
         findings.scene, robot, folder, "" if findings.keeps_inertias else _ROBOT
     )
@@ -109,7 +95,6 @@ def _heading(findings: Findings) -> Iterator[str]:
 
 
 def _comments(findings: Findings) -> dict[tuple[str, ...], str]:
-    """Comments by the path of keys that they stand beside."""
     comments = {}
     order = findings.scene.joint_names
     products = {p.joint: p for p in findings.parameters if p.name == "efficiency_product"}

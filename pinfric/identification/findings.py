@@ -50,7 +50,7 @@ class Findings:
         laws: joint -> law, of the joints that slid and that the model explains.
         parameters: every coefficient in the scene's terms, with its interval.
         posterior: key -> (n,) draws in the scene's terms, correlated: a row is one robot.
-        errors: joint -> error on blocks that neither the choice of laws nor the fit has seen.
+        errors: joint -> error on blocks used neither to choose laws nor to fit.
         unseen: log -> joint -> error on logs that were held out as a whole.
         rest: joint -> what its holds show.
         spread: joint -> how much friction differs between logs, as a share; NaN with one log.

@@ -54,7 +54,7 @@ class Identified(Findings, Shown):  # noqa: D101 (that of its fields)
         """Write scene.yaml, robot.urdf if inertias changed, posterior.csv, sweep.yaml, advice.
 
         Args:
-            folder: is made where there is none.
+            folder: is created where it is missing.
 
         Raises:
             IdentificationError: the scene has no URDF. PinfricError: it cannot be written.
@@ -96,23 +96,23 @@ def identify(
 
         y(t + delay) = Y(q, v, a) theta + J a + friction,    theta: the links' inertial parameters
 
-    Each joint's law is the smallest one whose error on held-out blocks is not worse; coefficients
-    are least squares >= 0, intervals from whole blocks as samples and from the logs' spread.
+    Each joint gets the smallest law whose error on held-out blocks is not worse. Coefficients are
+    least squares >= 0; intervals come from whole blocks as samples and from the logs' spread.
 
     Args:
         scene: the robot; its bearings are candidates, its coefficients are not used.
         logs: files that `load_trajectory` reads, with efforts, or `Log` arrays.
-        gain: joint -> factor that makes N m (N) of its logged effort: N m per A.
-        effort_at: what that effort is: "reflected", the motor's torque times the gear's ratio, as
-            most robots log it (rotor and gear losses are in it); "motor", the torque at the motor's
-            shaft, which the scene's ratio multiplies; "joint", measured behind the gear.
+        gain: joint -> factor from its logged effort to N m (N): N m per A.
+        effort_at: what that effort is: "reflected", motor torque times gear ratio, as most robots
+            log it (rotor and gear losses are in it); "motor", torque at the motor's shaft, which
+            the scene's ratio multiplies; "joint", measured behind the gear.
         inertia: "consistent" corrects the links' inertias to ones that can exist, "keep" takes the
             URDF's.
         laws: joint -> its law, where it is not to be chosen.
-        payloads: log's name, or its path as in `logs` where several logs have that name -> payload
-            of the scene that it carries throughout, or "none".
+        payloads: log's name, or its path where several have that name -> payload of the scene that
+            it carries throughout, or "none".
         held_out: further logs, which are only predicted.
-        options: what a person says about columns, units, cutoff, and joints without usable efforts.
+        options: columns, units, cutoff, joints without usable efforts.
         seed: of the posterior's draws.
         progress: called with the number of finished steps and of all.
 
@@ -167,7 +167,6 @@ def _fits(estimate: Estimate) -> list[Fit]:
 
 
 def _identified(estimate: Estimate, unseen: Sequence[Recording], seed: int) -> Identified:
-    """Return what an estimate says in a scene's terms."""
     scene = estimate.question.scene
     shapes = misfits(estimate)
     known = uncertainty(estimate, shapes)
@@ -202,12 +201,7 @@ def _identified(estimate: Estimate, unseen: Sequence[Recording], seed: int) -> I
 
 
 def beside_measured(identified: Identified, log: int = 0) -> tuple[InverseResult, JudgedLog]:
-    """Return the identified scene's efforts along a log, and the log's own compared with them.
-
-    Args:
-        identified: what was identified.
-        log: which of its logs.
-    """
+    """Return the identified scene's efforts along a log, and the log's own compared with them."""
     recording = identified.recordings[log]
     result = inverse_dynamics(identified.scene, recording.trajectory)
     at = identified.estimate.question.at
@@ -221,18 +215,13 @@ def beside_measured(identified: Identified, log: int = 0) -> tuple[InverseResult
 
 
 def left_over(identified: Identified, joint: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return (n,) velocity, effort without friction, and measured less fitted effort of one joint.
-
-    Args:
-        identified: what was identified.
-        joint: its number.
-    """
+    """Return (n,) velocity, effort without friction, and measured less fitted effort of a joint."""
     rows = identified.estimate.rows[joint]
     return rows.velocity, rows.load, residuals(rows, identified.estimate.fit, joint)
 
 
 def running_mean(x: np.ndarray, y: np.ndarray, parts: int = 12) -> tuple[np.ndarray, np.ndarray]:
-    """Return means of x and of y over parts of equally many of them, in the order of x."""
+    """Return means of x and of y over `parts` groups of equal size, in the order of x."""
     order = [indices for indices in np.array_split(np.argsort(x), parts) if indices.size]
     return np.array([x[k].mean() for k in order]), np.array([y[k].mean() for k in order])
 
@@ -266,7 +255,6 @@ def _check_options(scene: Scene, effort_at: str, inertia: str, laws: Mapping[str
 
 
 def _predicted(estimate: Estimate, recording: Recording) -> dict[str, HeldOut]:
-    """Errors on a log that was not fitted."""
     thin, no_gravity = thinning([recording]), estimate.question.no_gravity
     prepared = reloaded(estimate, prepare(estimate.question.scene, recording, thin, no_gravity))
     prepared = settled(prepared) if any(estimate.delay.builds_up) else prepared

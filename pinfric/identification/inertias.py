@@ -1,8 +1,8 @@
 """Inertial parameters of links: regularised to the URDF's, and physically possible.
 
-A body exists where its pseudo-inertia [[Sigma, h], [h^T, m]] is positive definite, so where it is
-U U^T with U = exp(alpha) [[exp(d1), s12, s13, t1], [0, exp(d2), s23, t2], [0, 0, exp(d3), t3],
-[0, 0, 0, 1]] (Rucker and Wensing, Smooth parameterization of rigid-body inertia, 2022).
+A body can exist if its pseudo-inertia [[Sigma, h], [h^T, m]] is positive definite, that is U U^T
+with U = exp(alpha) [[exp(d1), s12, s13, t1], [0, exp(d2), s23, t2], [0, 0, exp(d3), t3], [0, 0, 0,
+1]] (Rucker and Wensing, Smooth parameterization of rigid-body inertia, 2022).
 """
 
 from __future__ import annotations
@@ -33,12 +33,7 @@ _LIGHTEST = 0.02
 
 
 def urdf_prior(model: pin.Model, kept: bool) -> Prior:
-    """Return the prior of a robot's inertial parameters.
-
-    Args:
-        model: the robot.
-        kept: whether they are kept as they are.
-    """
+    """Return the prior of a robot's inertial parameters; `kept`: they stay."""
     center = parameters(model)
     bodies = center.reshape(-1, 10)
     if kept:
@@ -60,13 +55,9 @@ def parameters(model: pin.Model) -> FloatArray:
 
 
 def mass_changes(model: pin.Model, theta: FloatArray) -> FloatArray:
-    """Return by what share of itself each link's mass has changed, (nj,).
+    """Return the change of each link's mass, (nj,), as a share of it.
 
-    Of a link much lighter than the heaviest one, the change is taken as a share of a larger mass.
-
-    Args:
-        model: the robot as its URDF has it.
-        theta: the parameters found.
+    Of a link much lighter than the heaviest one, as a share of a larger mass.
     """
     before, after = (values.reshape(-1, 10)[:, 0] for values in (parameters(model), theta))
     return np.asarray((after - before) / np.maximum(before, _LIGHTEST * before.max()))
@@ -83,16 +74,11 @@ def with_parameters(model: pin.Model, theta: FloatArray) -> pin.Model:
 def consistent_fit(
     normal: Normal, prior: Prior, start: Fit, chosen: Sequence[Sequence[int]]
 ) -> Fit:
-    """Return the best estimate whose links can exist.
+    """Return the best estimate whose links can exist; kept parameters stay as they are.
 
-    The slots above zero are eliminated, what is left is quadratic in theta and is minimised over
-    alpha, d, s and t of every link; then the slots follow from theta, >= 0.
-
-    Args:
-        normal: of all blocks.
-        prior: of theta; kept parameters stay as they are.
-        start: the estimate without this condition.
-        chosen: the slots of each joint.
+    Slots above zero are eliminated. What is left is quadratic in theta and is minimised over alpha,
+    d, s and t of every link; then the slots `chosen` follow from theta, >= 0. `start` is the
+    estimate without this condition.
     """
     place = places(chosen)
     theta, x = start.theta, start.slots.ravel()
@@ -125,8 +111,8 @@ def consistent_fit(
 def _nearest_bodies(psi: FloatArray, best: FloatArray, root: FloatArray) -> FloatArray:
     """Return the psi that makes |root (theta(psi) - best)|^2 least, by Levenberg and Marquardt.
 
-    All of psi are logarithms or shares of a link's size, so one damping suits them all; one that
-    follows the curvature runs along what no log determines, to links without mass.
+    All of psi are logarithms or shares of a link's size, so one damping suits them all; one by
+    curvature runs along what no log determines, to links without mass.
     """
     damping, off = 1.0, root @ (_theta(psi) - best)
     for _ in range(_STEPS):

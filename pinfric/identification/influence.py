@@ -1,16 +1,16 @@
-"""Influence of each block on the estimate, and of all other uncertain values.
+"""Influence of each block, and of all other uncertain values, on the estimate.
 
 The estimate z = (theta, coefficients above zero) is where the gradient is zero,
 
     g(z) = sum over blocks b of A_b^T W (y_b - A_b z) - P (theta - theta_0) = 0
 
-A is the columns, some of which follow from the estimate; P the weight that draws theta to the
+with the columns A, some of which depend on the estimate, and the weight P that draws theta to the
 URDF's theta_0. To first order what adds dg to the gradient moves the estimate by
 
     dz = (H + F)^-1 dg,    H = sum of A_b^T W A_b + P,    F = A^T W (dA/dz) z
 
-and the cases differ in dg alone: a block's own part of g, where blocks are the samples
-(cluster-robust); P d, where d is the URDF's error; A^T W Z, where the model lacks the shapes Z.
+dg is a block's own part of g; P d, with the URDF's error d; A^T W Z, with shapes Z that the model
+lacks.
 
 Source: MacKinnon, Nielsen and Webb, Fast and reliable jackknife and bootstrap methods for
 cluster-robust inference (2023).
@@ -34,12 +34,10 @@ _RIDGE = 1e-10
 
 
 def of_joint(place: IntArray, joint: int, p: int) -> tuple[IntArray, IntArray]:
-    """Return where theta and one joint's coefficients stand in z, and among the joint's columns.
+    """Return where theta (p,) and a joint's coefficients stand in z, and among the joint's columns.
 
     Args:
         place: (n,) of the coefficients above zero among (nj K,).
-        joint: its number.
-        p: size of theta.
     """
     own, theta = np.flatnonzero(place // K == joint), np.arange(p)
     return np.append(theta, p + own), np.append(theta, p + place[own] % K)
@@ -58,23 +56,19 @@ def influence(
 
         M = S (H + F)^-T,    the covariance is M^T M
 
-    The rows of S are the blocks' gradients less their mean, P times the deviation of the prior's
-    center, gradients of what is unknown, and each coefficient times a small ridge that decides what
-    no row tells. For each block's own gradient H has that block's part
-    left out, because with few short blocks each one pulls the fit to itself.
+    Rows of S: the blocks' gradients less their mean; P times the deviation of the prior's center;
+    gradients of what the model lacks; each coefficient times a ridge that decides what no row
+    tells. For its own gradient a block is left out of H: with few blocks each pulls the fit to
+    itself.
 
     Args:
-        grams: of each joint.
-        weights: (nj,) of each joint.
-        prior: of theta; kept parameters take no part.
-        fit: the estimate.
-        place: (n,) of the coefficients above zero among (nj K,).
+        grams, weights: of each joint. prior: of theta; kept parameters take no part.
+        fit: the estimate. place: (n,) of the coefficients above zero among (nj K,).
         feedback: (p + n, p + n) F.
         unknown: (m, p + n) gradients of what the model lacks, of one standard deviation each.
 
     Returns:
-        (blocks + p + m + n, p + n), or (blocks + m + n, n) where theta is kept; how many blocks
-        have rows.
+        (blocks + p + m + n, p + n), without p where theta is kept; how many blocks have rows.
     """
     p, n, blocks = fit.theta.size, place.size, grams[0].count.size
     hessian, scores = np.zeros((p + n, p + n)) + feedback, np.zeros((blocks, p + n))

@@ -1,14 +1,11 @@
 """Candidate laws of one joint's friction: which columns of the linear model each of them takes.
 
     friction = c+ [v > 0] - c- [v < 0] + k |v|^p sign v + sign v mu c(w) + gear
-
-with c+, c- and mu that may fall from rest to motion (Stribeck, see stribeck.py), the bearing's load
-c (of a joint without one the torque that it delivers), or a gear whose loss grows with the torque
-that passes it,
-
     gear = sign v (g+ |x| [x v > 0] + g- |x| [x v < 0]),   g+ = 1/eta - 1,  g- = 1 - eta_b
 
-where x is the rigid effort t (friction sits on the motor's side), or t + friction (on the joint's).
+c+, c- and mu may fall from rest to motion (Stribeck, see stribeck.py). c is the bearing's load,
+without a bearing the torque that the joint delivers. x is the rigid effort t (friction on the
+motor's side), or t + friction (on the joint's).
 """
 
 from __future__ import annotations
@@ -47,7 +44,7 @@ class Law:
     """One joint's friction.
 
     Attributes:
-        coulomb: whether there is constant friction, forward and backward apart.
+        coulomb: whether there is constant friction, with a coefficient for each direction.
         exponent: of the speed; None: no such term.
         load: "", "bearing" or "gear".
         side: of a gear's friction, and of a coupled drive's, "motor" or "joint".
@@ -82,7 +79,7 @@ class Law:
 
     @property
     def size(self) -> int:
-        """How many coefficients it has, the speed at which friction falls among them."""
+        """Number of coefficients, the speed at which friction falls among them."""
         return len(self.slots) + bool(self.stribeck_slots)
 
     def __str__(self) -> str:
@@ -117,9 +114,9 @@ def candidates(
         bearing: the scene gives the joint a bearing.
         gear: the effort passes a gear, and load varies enough beside Coulomb friction.
         both_directions: the load both drives the motion and is driven by it often enough.
-        stribeck: friction at low speed is larger than Coulomb and viscous friction explain, and
-            sits on the joint's side, where a scene can state it.
-        load_stribeck: it is so the more the joint carries.
+        stribeck: friction at low speed exceeds Coulomb and viscous friction, on the joint's side,
+            where a scene can state it.
+        load_stribeck: this excess grows with the load.
     """
     loads = [Law()]
     if bearing:

@@ -1,15 +1,13 @@
-"""Lack of fit: dependences of a joint's residual, and their effect on the coefficients.
+"""Lack of fit: what a joint's residual still depends on (`notebooks/theory/identification`).
 
     r = Z b + noise,    Z: shapes over angle, speed, effort, time, and of the fitted effort's slope
 
-Columns of the model are taken out of Z and r first, so only what no coefficient can describe is
-left, along those principal directions between Z and the model that this leaves. Whether b differs
-from zero is tested with spans of time as samples,
+The model's columns are taken out of Z and r first. b = 0 is tested with N spans of time:
 
     T = s^T (sum of s_i s_i^T)^-1 s,    s_i = Z_i^T W r_i,   s their sum
 
-(N - m) T / (m (N - T)) follows F(m, N - m) where the model is right. What is found joins the model
-before the next shape is looked for, so that one cause is not named twice.
+(N - m) T / (m (N - T)) follows F(m, N - m) where the model is right. A shape that is found joins
+the model before the next is looked for, so that one cause is not named twice.
 """
 
 from __future__ import annotations
@@ -50,12 +48,11 @@ class Misfit:
     """One shape of a joint's residual that its law does not have.
 
     Attributes:
-        joint: which one.
         over: what the residual depends on, in words.
         size: RMS of the shape, N m or N.
         share: of the residual's mean square.
         columns: (n, m) the shape's, of the joint's rows, each of one standard deviation.
-        shown: the first so many of the columns show beside the model.
+        shown: number of leading columns that differ enough from the model.
     """
 
     joint: int
@@ -68,7 +65,7 @@ class Misfit:
 
 @dataclass(frozen=True)
 class _Track:
-    """What shapes are made of, (n,) each: of one joint's rows in all logs.
+    """What shapes depend on, (n,) each: of one joint's rows in all logs.
 
     Attributes:
         q, v, a: of the drive; q rad or m.
@@ -87,11 +84,7 @@ class _Track:
 
 
 def misfits(estimate: Estimate) -> tuple[Misfit, ...]:
-    """Return the shapes that residuals have, joint by joint, the largest of each joint first.
-
-    Args:
-        estimate: the estimate.
-    """
+    """Return the shapes that residuals have, joint by joint, the largest of each joint first."""
     presses = [_presses(estimate, one) for one in estimate.prepared]
     return tuple(
         one for j in estimate.known for one in _of_joint(estimate, j, _track(estimate, j, presses))
@@ -102,9 +95,6 @@ def uneven(estimate: Estimate) -> dict[int, float]:
     """Return joint -> half the difference of its Coulomb friction by direction, where it is large.
 
     An offset of the effort's sensor makes the same difference, and no log tells the two apart.
-
-    Args:
-        estimate: the estimate.
     """
     result = {}
     for j in estimate.known:
@@ -115,7 +105,7 @@ def uneven(estimate: Estimate) -> dict[int, float]:
 
 
 def _of_joint(estimate: Estimate, joint: int, track: _Track) -> Iterator[Misfit]:
-    """Shapes of one joint's residual, the largest first."""
+    """Yield the shapes of one joint's residual, the largest first."""
     rows, weight = estimate.rows[joint], np.sqrt(estimate.row_weights[joint])
     key = np.column_stack((rows.log, np.floor(rows.time / _SPAN).astype(np.int64)))
     span = np.unique(key, axis=0, return_inverse=True)[1].ravel()  # of each row
@@ -154,13 +144,9 @@ def _of_joint(estimate: Estimate, joint: int, track: _Track) -> Iterator[Misfit]
 
 
 def _beyond(own: FloatArray, basis: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return a shape's principal directions, (n, k), and what those the model lacks leave, (n, m).
+    """Return a shape's principal directions (n, k), and the first m of them less the model (n, m).
 
-    The first m of the k directions are those.
-
-    Args:
-        own: (n, k) orthonormal columns of the shape.
-        basis: (n, p) orthonormal columns of the model.
+    These m are the ones of which the model leaves more than `_DESCRIBED`.
     """
     beside = own - basis @ (basis.T @ own)
     values, vectors = np.linalg.eigh(-beside.T @ beside)
@@ -168,11 +154,7 @@ def _beyond(own: FloatArray, basis: FloatArray) -> tuple[FloatArray, FloatArray]
 
 
 def chance(sums: FloatArray) -> float:
-    """Return the probability of sums at least this far from zero if their mean is zero.
-
-    Args:
-        sums: (N, m) of each span.
-    """
+    """Return the probability of sums (N, m) at least this far from zero if their mean is zero."""
     from scipy.special import fdtrc
 
     (count, m), total = sums.shape, sums.sum(axis=0)
@@ -204,7 +186,6 @@ def _presses(estimate: Estimate, prepared: Prepared) -> FloatArray:
 
 
 def _track(estimate: Estimate, joint: int, presses: Sequence[FloatArray]) -> _Track:
-    """What the shapes of one joint are made of."""
     from scipy.interpolate import CubicSpline
 
     parts = []
@@ -234,7 +215,7 @@ def _track(estimate: Estimate, joint: int, presses: Sequence[FloatArray]) -> _Tr
 
 
 def _shapes(estimate: Estimate, joint: int, track: _Track) -> Iterator[tuple[str, FloatArray]]:
-    """What a residual may depend on, in words, and its columns."""
+    """Yield what a residual may depend on, in words, and its columns."""
     v, load, sign = track.v, estimate.rows[joint].load, np.sign(track.v)
     speed = np.abs(v)
     yield from _by_angle(estimate, joint, track)
@@ -263,7 +244,7 @@ def _shapes(estimate: Estimate, joint: int, track: _Track) -> Iterator[tuple[str
 
 
 def _by_angle(estimate: Estimate, joint: int, track: _Track) -> Iterator[tuple[str, FloatArray]]:
-    """Shapes over the turn of the joint, or its travel, and over the turn of its motor."""
+    """Yield shapes over the angle or travel of the joint, and over the angle of its motor."""
     drive, sign = estimate.scene.drives[joint], np.sign(track.v)
     turning = turns(estimate.scene, estimate.scene.joint_names[joint])
     low, high = float(track.q.min()), float(track.q.max())

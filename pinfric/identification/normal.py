@@ -3,8 +3,8 @@
     minimise  sum_j w_j |y_j - Y_j theta - X_j x_j|^2 + lambda^2 N |(theta - theta_0)/scale|^2
     over theta and x >= 0
 
-theta enters every fit and is eliminated once (Schur complement); which of the x take part is what
-the candidate laws differ in, and a fit of one choice is a non-negative least squares of that size.
+theta is eliminated once (Schur complement). Laws differ in which of the x take part, and each fit
+is a non-negative least squares of that size.
 """
 
 from __future__ import annotations
@@ -69,7 +69,7 @@ class BlockProducts:
 
     @classmethod
     def of(cls, rows: Rows, weight: FloatArray, blocks: int) -> BlockProducts:
-        """Sum the products of a joint's rows, each weighted."""
+        """Sum the products of a joint's weighted rows."""
         columns = np.column_stack((rows.rigid, rows.slots, rows.effort))
         size = columns.shape[1]
         products, count = np.zeros((blocks, size, size)), np.zeros(blocks)
@@ -139,12 +139,7 @@ class Normal:
 
 
 class FrictionNormalEquations:
-    """Normal equations with theta eliminated: what a law's coefficients cost beside the best theta.
-
-    Args:
-        normal: of some blocks.
-        prior: of theta.
-    """
+    """Normal equations without theta: what a law's coefficients cost beside the best theta."""
 
     def __init__(self, normal: Normal, prior: Prior) -> None:
         self.by_slots: FloatArray = np.zeros_like(normal.cross)
@@ -172,11 +167,7 @@ class FrictionNormalEquations:
 
 
 class ManyNormalEquations:
-    """Several normal equations of one form, solved together: those of all held-out parts.
-
-    Args:
-        every: one for each part.
-    """
+    """Normal equations of all held-out parts, solved together."""
 
     def __init__(self, equations: Sequence[FrictionNormalEquations]) -> None:
         self.left = np.array([equation.left for equation in equations])
@@ -194,12 +185,7 @@ class ManyNormalEquations:
 
 
 def weighted(rows: Sequence[Rows], fit: Fit) -> tuple[tuple[FloatArray, ...], FloatArray]:
-    """Return each row's weight (Huber), and each joint's: 1/variance of what it leaves.
-
-    Args:
-        rows: of each joint.
-        fit: what they leave residuals of.
-    """
+    """Return each row's weight (Huber), and each joint's: 1/variance of its residual."""
     of_rows, of_joints = [], []
     for j, own in enumerate(rows):
         off = np.abs(residuals(own, fit, j))
@@ -219,8 +205,7 @@ def gram(columns: FloatArray, weight: FloatArray) -> FloatArray:
     """Return A^T W A, by as many rows at a time as BLAS multiplies in one thread.
 
     Args:
-        columns: (n, p) A.
-        weight: (n,) the diagonal of W.
+        columns: (n, p) A. weight: (n,) the diagonal of W.
     """
     size = columns.shape[1]
     total, rows = np.zeros((size, size)), _rows_alone(size, size)
@@ -231,11 +216,7 @@ def gram(columns: FloatArray, weight: FloatArray) -> FloatArray:
 
 
 def orthonormal(columns: FloatArray) -> FloatArray:
-    """Return orthonormal columns (n, r) that span the given ones.
-
-    Args:
-        columns: (n, m), of which some may be combinations of others.
-    """
+    """Return orthonormal columns (n, r) that span the given ones (n, m), which may be dependent."""
     size = np.linalg.norm(columns, axis=0)
     scaled = columns[:, size > 0.0] / size[size > 0.0]
     if not scaled.size:
@@ -249,8 +230,7 @@ def beside(basis: FloatArray, columns: FloatArray) -> FloatArray:
     """Return columns less their part in the span of a basis: A - B (B^T A).
 
     Args:
-        basis: (n, r) B, orthonormal.
-        columns: (n, m) A.
+        basis: (n, r) B, orthonormal. columns: (n, m) A.
     """
     r, rows = basis.shape[1], _rows_alone(basis.shape[1], columns.shape[1])
     projection = np.zeros((r, columns.shape[1]))
@@ -273,7 +253,7 @@ def _rows_alone(m: int, k: int) -> int:
 
 
 def places(chosen: Sequence[Sequence[int]]) -> IntArray:
-    """Return where the chosen slots of all joints stand among (nj K,)."""
+    """Return the places of all joints' chosen slots among (nj K,)."""
     return np.array(
         [j * K + slot for j, slots in enumerate(chosen) for slot in sorted(slots)],
         dtype=np.int64,
@@ -281,7 +261,7 @@ def places(chosen: Sequence[Sequence[int]]) -> IntArray:
 
 
 def above_zero(fit: Fit, chosen: Sequence[Sequence[int]]) -> IntArray:
-    """Return where those of the chosen coefficients that are not zero stand among (nj K,)."""
+    """Return the places among (nj K,) of the chosen coefficients that are not zero."""
     place = places(chosen)
     return place[fit.slots.ravel()[place] > 0.0]
 
@@ -289,14 +269,13 @@ def above_zero(fit: Fit, chosen: Sequence[Sequence[int]]) -> IntArray:
 def non_negative(left: FloatArray, right: FloatArray) -> FloatArray:
     """Return the x >= 0 that makes x^T left x / 2 - right^T x least.
 
-    Columns are scaled to one, and drawn to zero by so little that it only matters where nothing
-    tells two of them apart. All problems are solved together: those coefficients are set to zero
-    that came out below it, those are freed whose gradient asks for it, until none is left (Kim and
-    Park, Fast nonnegative matrix factorization, 2011). Where that goes in circles, one at a time.
+    Columns are scaled to one; a ridge decides where nothing tells two of them apart. All problems
+    are solved together: coefficients below zero are set to zero, and those freed whose gradient
+    asks for it, until none is left (Kim and Park, Fast nonnegative matrix factorization, 2011).
+    Where that goes in circles, each is solved by itself.
 
     Args:
-        left: (..., n, n) symmetric, positive semidefinite.
-        right: (..., n).
+        left: (..., n, n) symmetric, positive semidefinite. right: (..., n).
     """
     from scipy.optimize import nnls
 

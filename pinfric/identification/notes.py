@@ -59,12 +59,8 @@ def notes(
     """Return a line for everything that was read, repaired or left out, or that logs do not show.
 
     Args:
-        estimate: the estimate.
-        rest: joint -> what its holds show.
-        coefficients: the coefficients.
-        static: see `parameters`.
-        shapes: what residuals still depend on.
-        uneven: see `Uncertainty`.
+        rest: joint -> what its holds show. static: see `parameters`.
+        shapes: of residuals. uneven: see `Uncertainty`.
     """
     lines = [
         f"{recording.name}: {line}"
@@ -150,7 +146,6 @@ def _frictionless(rows: Rows, off: FloatArray, slots: FloatArray) -> bool:
 
 
 def _by_joint(what: Mapping[str, list[str]]) -> list[str]:
-    """A line for each thing that is said of any joint."""
     return [f"{text}: {', '.join(names)}" for text, names in what.items() if names]
 
 
@@ -172,7 +167,7 @@ def _misfits(estimate: Estimate, shapes: Sequence[Misfit]) -> list[str]:
 
 
 def _uneven(estimate: Estimate, halves: Mapping[int, float]) -> list[str]:
-    """Joints whose friction differs so much by direction that a sensor may be off."""
+    """Joints whose friction differs so much by direction that a sensor may have an offset."""
     lines = []
     for j, half in halves.items():
         unit = effort_unit(estimate.scene, j)
@@ -273,7 +268,7 @@ def _of_logs(estimate: Estimate) -> list[str]:
 
 
 def _delays(estimate: Estimate) -> list[str]:
-    """Efforts that lag by no time found, and joints by another one if they are explained."""
+    """Say that the delay's search failed, or which explained joints have another delay."""
     names = estimate.scene.joint_names
     if np.isinf(estimate.delay.standard_error):
         return [
@@ -315,7 +310,6 @@ def _of_masses(estimate: Estimate) -> list[str]:
 
 
 def _of_motion(estimate: Estimate, slid: Sequence[int]) -> dict[str, list[str]]:
-    """What the motion does not show."""
     names, without = estimate.scene.joint_names, estimate.question.without
     other = "the Coulomb friction of the other direction is used"
 
@@ -342,7 +336,6 @@ def _of_rest(
     rest: Mapping[str, RestBound],
     static: Mapping[tuple[int, int], BreakAway],
 ) -> dict[str, list[str]]:
-    """What holds do not show."""
     names = estimate.scene.joint_names
     rests = [j for j in slid if rest[names[j]].seconds > 0.0]
     return {
@@ -357,7 +350,6 @@ def _of_rest(
 
 
 def _of_laws(estimate: Estimate, slid: Sequence[int]) -> dict[str, list[str]]:
-    """What the laws do not tell, or leave."""
     names, choice, question = estimate.scene.joint_names, estimate.choice, estimate.question
     laws = list(zip(names, choice.laws, strict=True))
     offers_gear = [any(law.load == "gear" for law in own) for own in choice.errors]

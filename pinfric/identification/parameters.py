@@ -1,4 +1,4 @@
-"""Coefficients with the keys of a scene: key, unit and interval.
+"""Coefficients with the keys of a scene: key, unit and interval; r is the gear ratio.
 
     c+, c-   friction.J.coulomb.positive, .negative  or  transmission.J.no_load_torque.* = c/|r|
     k, p     friction.J.viscous {k, p}               or  transmission.J.motor_viscous = k/|r|^(1+p)
@@ -125,9 +125,7 @@ def scene_value(law: Law, slot: int, value: Any, ratio: float) -> Any:
     """Return a coefficient (a number or an array of draws) in the scene's terms.
 
     Args:
-        law: of its joint.
-        slot: which one.
-        value: at the joint, as the linear model has it.
+        law: of its joint. slot: which coefficient. value: at the joint, as in the linear model.
         ratio: |motor turns per joint turn|.
     """
     if slot == INERTIA:
@@ -145,9 +143,8 @@ def parameters(
     """Return every coefficient of the laws found, in the scene's terms.
 
     Args:
-        estimate: the estimate.
-        known: how far its coefficients are known.
-        static: joint, FORWARD or BACKWARD -> friction at which it broke away, where logged.
+        estimate: the coefficients. known: their uncertainty.
+        static: joint, FORWARD or BACKWARD -> friction at which it broke away.
     """
     slots, result = estimate.problem.slots(estimate.choice.laws), []
     for j in estimate.known:
@@ -209,7 +206,7 @@ def _both_losses(
 
         eta eta_b = (1 - g-) / (1 + g+)
 
-    The scale of free masses multiplies 1 + g+ and 1 - g- alike, so it is known without them.
+    Free masses scale 1 + g+ and 1 - g- alike, so the product is known without them.
     """
     law, fitted = estimate.choice.laws[joint], estimate.fit.slots[joint]
     driving, driven = (
@@ -226,11 +223,7 @@ def _both_losses(
 def identified_scene(estimate: Estimate, static: Mapping[tuple[int, int], BreakAway]) -> Scene:
     """Return the question's scene with what was found in it; other joints keep what it says.
 
-    A joint sticks up to the velocity that these logs' noise gives a joint at rest.
-
-    Args:
-        estimate: the estimate, with the links' inertias.
-        static: see `parameters`.
+    Joints stick up to the velocity that noise gives them at rest. `static`: see `parameters`.
     """
     scene = estimate.scene
     friction: dict[str, Any] = dict(scene.friction)
@@ -313,7 +306,7 @@ def _entries(
 
 
 def _rest_excess(rows: Rows, law: Law, slots: FloatArray) -> float:
-    """By how much friction at rest exceeds the law's Coulomb friction: k v^p, v the slowest."""
+    """By how much friction at rest exceeds Coulomb friction: k v^p at the slowest speed v."""
     if law.exponent is None or law.exponent >= 1.0:
         return 0.0
     slowest = STILL

@@ -38,10 +38,9 @@ class Recording:
     """One log, read and filtered; columns are the joints', in the model's order.
 
     Attributes:
-        name: the log's.
-        trajectory: the motion.
         step: s between samples.
-        velocity, acceleration: (T, nv) of the drives: the joints', but for coupled ones.
+        velocity, acceleration: (T, nv) of the drives; those of coupled drives are not their
+            joints'.
         effort: (T, nv) measured, N m or N at the joint; NaN where there is none.
         noise: (nv,) standard deviation of the velocities, rad/s or m/s.
     """
@@ -85,7 +84,7 @@ class Recording:
         effort: FloatArray,
         noise: FloatArray,
     ) -> Recording:
-        """Return a recording with the motion of the scene's drives; arguments are its fields."""
+        """Return a recording with the velocities and accelerations of the scene's drives."""
         v, a = trajectory.v, trajectory.a
         if not np.array_equal(rate_rows(scene.drives, scene.model.nv), np.eye(scene.model.nv)):
             v, a = (drive_rates(scene.drives, x, x[:, :0]) for x in (v, a))
@@ -93,20 +92,13 @@ class Recording:
 
 
 def stick_velocity(scene: Scene, recordings: Sequence[Recording]) -> float:
-    """Return the velocity (rad/s, m/s) up to which joints stick, by the noise at rest.
-
-    It is at least the scene's, and at most the speed below which a joint counts as still.
-
-    Args:
-        scene: the robot.
-        recordings: the logs.
-    """
+    """Return the velocity (rad/s, m/s) up to which joints stick: the scene's, or more by noise."""
     unclear = max(float(recording.unclear.max()) for recording in recordings)
     return max(scene.stick_velocity, float(f"{min(unclear, STILL):.1e}"))
 
 
 def check_scene(scene: Scene) -> None:
-    """Refuse a robot whose joints' efforts no log can give one by one.
+    """Refuse all but open chains with one drive per joint.
 
     Raises:
         IdentificationError: loops, drives off the joints, mimic joints, several degrees of freedom.
@@ -131,15 +123,7 @@ def read_recordings(
     payloads: Mapping[str, str],
     options: ReadingOptions,
 ) -> tuple[Recording, ...]:
-    """Read logs with measured efforts.
-
-    Args:
-        scene: the robot; its payloads may be carried.
-        logs: paths, or arrays.
-        gain: joint -> factor on its logged effort (N m per A).
-        payloads: log's name, or path as in `logs`, -> the payload that it carries throughout; or
-            "none".
-        options: what a person says about columns, units and cutoff.
+    """Read logs with measured efforts; arguments are those of `identify`.
 
     Raises:
         IdentificationError: no log, one log twice, an effort that is missing, a log too short.
@@ -192,7 +176,7 @@ def read_recordings(
 
 
 def _label(recordings: Sequence[Recording], logs: Sequence[str | Path | Log], number: int) -> str:
-    """A log's name; where several have it, its path as it was given, or its number."""
+    """A log's name; where several have it, its path as given, or its number."""
     name, log = recordings[number].name, logs[number]
     if sum(recording.name == name for recording in recordings) == 1:
         return name
@@ -240,7 +224,7 @@ def _read(
 def _thinned(
     trajectory: Trajectory, effort: FloatArray, step: float
 ) -> tuple[Trajectory, FloatArray]:
-    """Return fewer samples of a motion that was not filtered, as of one that was when read."""
+    """Thin a motion that was not filtered when it was read, and so not thinned there."""
     stride = _THINNING.every(step)
     a = np.column_stack([_THINNING.acceleration(x, step)[::stride] for x in trajectory.a.T])
     fewer = np.column_stack([_THINNING.effort(x, step)[::stride] for x in effort.T])

@@ -1,7 +1,7 @@
 """Friction at rest from logs: largest holding friction, and break-away friction.
 
-A hold bounds static friction from below. Only a departure shows it, and only one so slow that the
-effort rises until the joint moves: else inertia acts before the first encoder count.
+A hold bounds static friction from below. Only a slow departure shows it, in which the effort rises
+until the joint moves: else inertia acts before the first encoder count.
 """
 
 from __future__ import annotations
@@ -56,12 +56,7 @@ class RestBound:
 
 
 def rest_bounds(estimate: Estimate, scene: Scene) -> tuple[RestBound, ...]:
-    """Return for each joint what its holds show; they bound static friction from below only.
-
-    Args:
-        estimate: the estimate.
-        scene: the identified one, whose joints stick up to a velocity.
-    """
+    """Return for each joint what its holds show, by the identified scene: lower bounds only."""
     nj = scene.model.nv
     seconds, largest, share, inside, outside = np.zeros((5, nj))
     noise = np.maximum(estimate.problem.weights, 1e-300) ** -0.5  # what the fit leaves
@@ -98,7 +93,7 @@ def rest_bounds(estimate: Estimate, scene: Scene) -> tuple[RestBound, ...]:
 
 
 def _held(recording: Recording, stick: float) -> BoolArray:
-    """(T, nv) where a drive rests or is as slow as one that sticks, in holds that have settled."""
+    """(T, nv) where a drive rests or is no faster than `stick`, in holds that have settled."""
     held, end = np.zeros_like(recording.rests), len(recording.rests) - 1
     settles, departs = (round(span / recording.step) for span in (_SETTLES, _DEPARTS))
     for j, v in enumerate(recording.velocity.T):
@@ -122,10 +117,7 @@ class BreakAway:
 def break_aways(estimate: Estimate) -> dict[tuple[int, int], BreakAway]:
     """Return joint, FORWARD or BACKWARD -> static friction, where three departures or more show it.
 
-    Joints whose bearing is in their law are left out: its load is in what holds them.
-
-    Args:
-        estimate: the estimate.
+    Joints with a bearing in their law are left out: its load is part of what holds them.
     """
     from scipy.special import stdtrit
 
@@ -145,7 +137,7 @@ def break_aways(estimate: Estimate) -> dict[tuple[int, int], BreakAway]:
 
 
 def _peaks(estimate: Estimate, prepared: Prepared, joint: int) -> Iterator[tuple[int, float]]:
-    """Direction and largest friction of each departure that was slow enough."""
+    """Yield direction and largest friction of each departure that was slow enough."""
     recording, rigid = prepared.recording, prepared.load[:, joint]
     t, step, v = recording.trajectory.t, recording.step, recording.velocity[:, joint]
     effort = np.where(np.isfinite(recording.effort[:, joint]), recording.effort[:, joint], rigid)
@@ -171,7 +163,7 @@ def _peaks(estimate: Estimate, prepared: Prepared, joint: int) -> Iterator[tuple
 def _friction(
     estimate: Estimate, joint: int, sign: float, effort: FloatArray, rigid: FloatArray
 ) -> FloatArray:
-    """The friction sign (x - rigid) that holds, gears' losses taken out of the effort."""
+    """The friction that holds, sign (effort - rigid), the gear's losses taken out of the effort."""
     law, slots = estimate.choice.laws[joint], estimate.fit.slots[joint]
     driving, driven, both = (
         float(slots[GEARS[law.side, direction]]) for direction in ("driving", "driven", "both")

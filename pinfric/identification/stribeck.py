@@ -3,15 +3,11 @@
     friction = ... + s(v) (e+ [v > 0] - e- [v < 0] + e c sign v)
     s = exp(-(|v|/v_s)^n),  1 <= n <= 2
 
-with the bearing's load c. e+, e- and e are coefficients like all others. The model is not linear
-in n and the speed v_s, so those that leave the least residual are searched; the covariance has a
-column for v_s, d/d(log v_s). Logs often hardly tell one n from another, so each n is admitted that
-fits worse by less than three standard errors,
+c is the bearing's load. e+, e- and e are coefficients like all others; n and v_s are searched for
+the least residual r, and the covariance has a column d/d(log v_s). Another n is admitted where it
+fits worse by less than three standard errors, summed over blocks b:
 
     (|r'|^2 - |r|^2) |d|^2 <= 9 sum of (d_b^T r_b)^2,    d = r' - r
-
-r: the residual with the best n, r': with another one. The sum is over blocks, since residuals are
-autocorrelated.
 """
 
 from __future__ import annotations
@@ -77,12 +73,9 @@ def find_stribeck(
     """Return the fit that explains most of a joint's effort; None where it explains too little.
 
     Args:
-        prepared: the logs.
-        joint: which one.
-        rows: of the joint.
-        weight: (n,) of each row.
-        taken: places of the coefficients that the joint's law has beside it.
-        parts: what may fall, of `STRIBECK` and `STRIBECK_LOAD`: several choices.
+        prepared: the logs. joint: its number. rows: of the joint. weight: (n,) of these.
+        taken: slots of the joint's law without Stribeck friction.
+        parts: choices of what may fall, of `STRIBECK` and `STRIBECK_LOAD`.
     """
     from scipy.optimize import minimize_scalar
 
@@ -146,14 +139,7 @@ def find_stribeck(
 def beside_other(
     prepared: Sequence[Prepared], joint: int, stribeck: StribeckFit, other: StribeckFit
 ) -> FloatArray:
-    """Return (n,) by how much more friction another fit is, of a joint's rows.
-
-    Args:
-        prepared: the logs.
-        joint: which one.
-        stribeck: of its friction.
-        other: with another exponent.
-    """
+    """Return (n,) by how much more friction a fit with another exponent gives at a joint's rows."""
     present, changed = (
         _passed(prepared, joint, fit.velocity, fit.exponent) @ fit.excess
         for fit in (stribeck, other)
@@ -162,12 +148,7 @@ def beside_other(
 
 
 def with_stribeck(prepared: Prepared, fits: tuple[StribeckFit | None, ...]) -> Prepared:
-    """Return a log's columns with those of Stribeck friction.
-
-    Args:
-        prepared: one log.
-        fits: of each joint.
-    """
+    """Return a log's columns with those of Stribeck friction, by each joint's fit."""
     recording, slots = prepared.recording, prepared.slots.copy()
     at = [*_PARTS, STRIBECK_VELOCITY]
     for j, stribeck in enumerate(fits):
@@ -183,7 +164,7 @@ def with_stribeck(prepared: Prepared, fits: tuple[StribeckFit | None, ...]) -> P
 
 
 def _ways(v: FloatArray, load: FloatArray, velocity: float, exponent: float) -> FloatArray:
-    """Columns (n, 3) of what is left of the excess: forward, backward, of the load's."""
+    """Columns (n, 3) of the excess at speeds v: forward, backward, of the load's coefficient."""
     decay = stribeck_decay(v, velocity, exponent)
     return np.column_stack((decay * (v > 0.0), -decay * (v < 0.0), decay * load * np.sign(v)))
 
@@ -191,7 +172,7 @@ def _ways(v: FloatArray, load: FloatArray, velocity: float, exponent: float) -> 
 def _passed(
     prepared: Sequence[Prepared], joint: int, velocity: float, exponent: float
 ) -> FloatArray:
-    """Columns (n, 3) of a joint's rows in all logs."""
+    """The columns of `_ways` at a joint's rows in all logs, low-passed."""
     return np.concatenate(
         [
             _low_passed(log, _ways(v, log.bearing[:, joint], velocity, exponent))[
@@ -204,18 +185,12 @@ def _passed(
 
 
 def _low_passed(prepared: Prepared, columns: FloatArray) -> FloatArray:
-    """Columns as all others of the log: low-passed and thinned."""
+    """Columns low-passed and thinned as all others of the log."""
     step = prepared.recording.step
     columns = low_pass(columns, step, PASS) if step * PASS < 0.45 else columns
     return np.asarray(columns[prepared.kept])
 
 
 def stribeck_decay(v: FloatArray, velocity: float, exponent: float) -> FloatArray:
-    """Return exp(-(|v|/v_s)^n), what is left of the excess at rest.
-
-    Args:
-        v: speeds, rad/s or m/s.
-        velocity: v_s, rad/s or m/s.
-        exponent: n.
-    """
+    """Return exp(-(|v|/v_s)^n), what is left of the excess at rest; speeds in rad/s or m/s."""
     return np.exp(-(np.abs(v / velocity) ** exponent))

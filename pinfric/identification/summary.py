@@ -178,12 +178,7 @@ def log_noise(findings: Findings) -> list[LogNoise]:
 
 
 def more_known(findings: Findings, most: int) -> list[MoreKnown]:
-    """Return the effect of further recordings on the least known coefficients.
-
-    Args:
-        findings: of `identify`.
-        most: so many coefficients at most.
-    """
+    """Return the effect of further recordings on the `most` least known coefficients."""
 
     def vagueness(parameter: Parameter) -> float:
         return -parameter.standard_error / max(abs(parameter.value), 1e-300)

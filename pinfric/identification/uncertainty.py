@@ -1,10 +1,8 @@
 """Uncertainty of the coefficients: from blocks within a log, and from differences between logs.
 
-Residuals of friction are autocorrelated over half a second and longer, so rows are not independent
-samples: standard errors that assume so are 3 to 8 times too small. Here whole blocks are the
-samples (cluster-robust sandwich). Parameters that no log separates (a rotor's inertia from that of
-its link) follow the URDF, which regularises the links, so the URDF's own error counts, too. Logs
-differ by a factor on each joint's friction, mostly due to temperature.
+Residuals of friction are autocorrelated over half a second and longer: standard errors that take
+rows as independent are 3 to 8 times too small. So whole blocks are the samples
+(`notebooks/theory/identification`, "Uncertainty").
 """
 
 from __future__ import annotations
@@ -60,13 +58,12 @@ class Uncertainty:
 
     Attributes:
         place: (n,) of the coefficients above zero among (nj K,).
-        within, between: (n, n) covariance by blocks and shapes, and by what differs between logs.
-        freedom: blocks less one, of `within`.
-        logs: how many; one less is the freedom of `between`.
+        within, between: (n, n) covariance by blocks and shapes, and by differences between logs.
+        freedom, logs: of `within`: blocks less one; of `between`: logs less one.
         spread: (nj,) standard deviation of a log's factor on the joint's friction; NaN with one
-            log, which cannot tell.
-        uneven: joint -> half the difference of its Coulomb friction by direction, where it is
-            clearly large.
+            log.
+        uneven: joint -> half the difference of its Coulomb friction by direction, where clearly
+            large.
     """
 
     place: IntArray
@@ -80,8 +77,8 @@ class Uncertainty:
     def of(self, weights: Mapping[int, float], level: float = 0.95) -> tuple[float, float]:
         """Return standard error and interval's reach to either side of a sum of coefficients.
 
-        Degrees of freedom of a sum of two variances (Satterthwaite 1946):
-        (a + b)^2 / (a^2/n_a + b^2/n_b).
+        Degrees of freedom of a sum of two variances (Satterthwaite 1946): (a + b)^2 / (a^2/n_a +
+        b^2/n_b).
 
         Args:
             weights: place among (nj K,) -> weight in the sum; those at zero are taken as known.
@@ -99,13 +96,7 @@ class Uncertainty:
         return error, float(stdtrit(1.0 / inverse, 0.5 + 0.5 * level)) * error
 
     def draws(self, values: FloatArray, count: int, seed: int) -> FloatArray:
-        """Return (count, nj K) draws around the coefficients, correlated, none below zero.
-
-        Args:
-            values: (nj, K) the coefficients.
-            count: how many.
-            seed: of the draws.
-        """
+        """Return (count, nj K) correlated draws around coefficients (nj, K), none below zero."""
         rng = np.random.default_rng(seed)
         rows = np.tile(values.ravel(), (count, 1))
         for covariance, freedom in (
@@ -124,14 +115,10 @@ def uncertainty(estimate: Estimate, shapes: Sequence[Misfit] = ()) -> Uncertaint
 
         (H + F)^-1 (sum over blocks of s s^T + P S P + G^T G) (H + F)^-T + sum over joints of b b^T
 
-    The first part is derived in `influence`: s is a block's part of the gradient, S the variance of
-    the URDF's parameters, G the gradients of what the model may have absorbed of the residuals'
-    shapes, of unknown sign. b is the change of the coefficients when a joint's shapes join the
-    model: what one joint lacks tells nothing of what another one does.
-
-    Args:
-        estimate: the estimate.
-        shapes: of its residuals.
+    `influence` derives the first part: s is a block's part of the gradient, S the variance of the
+    URDF's parameters, G the `gradients` of what the model may have absorbed of the residuals'
+    shapes, of unknown sign. b is the `bias` by a joint's shapes; what one joint lacks tells nothing
+    of another.
     """
     problem, fit = estimate.problem, estimate.fit
     place = _uncertain(estimate)
@@ -166,13 +153,10 @@ def uncertainty(estimate: Estimate, shapes: Sequence[Misfit] = ()) -> Uncertaint
 
 
 def gradients(estimate: Estimate, shapes: Sequence[Misfit], place: IntArray) -> FloatArray:
-    """Return (m, p + n) the gradients by the estimate of shapes of one standard deviation each.
-
-        A^T W Z,    Z: the columns of all shapes
+    """Return (m, p + n) the gradients A^T W Z by the estimate, for the columns Z of all shapes.
 
     Args:
-        estimate: the estimate.
-        shapes: of its residuals.
+        shapes: of the estimate's residuals.
         place: (n,) of the coefficients above zero among (nj K,).
     """
     p = estimate.fit.theta.size
@@ -190,13 +174,8 @@ def gradients(estimate: Estimate, shapes: Sequence[Misfit], place: IntArray) -> 
 def bias(estimate: Estimate, shapes: Sequence[Misfit], place: IntArray) -> FloatArray:
     """Return (n,) changes of the coefficients when one joint's shapes join the model.
 
-        [H  G^T    ] [dz]   [0      ]
-        [G  Z^T W Z] [b ] = [Z^T W r],    G: `gradients`, r: residuals
-
-    Args:
-        estimate: the estimate.
-        shapes: of one joint's residual.
-        place: (n,) of the coefficients above zero among (nj K,).
+    [H  G^T    ] [dz]   [0      ]
+    [G  Z^T W Z] [b ] = [Z^T W r],    G: `gradients`, r: residuals
     """
     problem, p = estimate.problem, estimate.fit.theta.size
     hessian, beside = _left(estimate, place), gradients(estimate, shapes, place)
@@ -230,7 +209,7 @@ def _solved(matrix: FloatArray, right: FloatArray) -> FloatArray:
 def _other_exponents(estimate: Estimate, place: IntArray) -> Iterator[FloatArray]:
     """Yield (n,) the changes of the coefficients with each other exponent that is admitted.
 
-    Where that one is right they are the error, so its square adds to the variance.
+    If that exponent is right, they are the error, so its square adds to the variance.
     """
     p = estimate.fit.theta.size
     alternatives = [
@@ -282,21 +261,16 @@ def _other_loads(estimate: Estimate, place: IntArray) -> Iterator[FloatArray]:
 
 
 def _row_weights(estimate: Estimate, joint: int) -> FloatArray:
-    """(rows, 1) the weight of each row of a joint."""
+    """(rows, 1) of a joint."""
     return (estimate.problem.weights[joint] * estimate.row_weights[joint])[:, None]
 
 
 def for_a_further_log(estimate: Estimate, place: IntArray) -> tuple[FloatArray, int]:
-    """Return (n, n) the covariance of a further log's coefficients about those of these logs.
+    """Return (n, n) the covariance of a further log's coefficients x about those of L logs, and L.
 
         s^2 (1 + 1/L) x x^T    of each joint, s^2: variance of its factor between L logs
 
-    Args:
-        estimate: the estimate.
-        place: (n,) of the coefficients among (nj K,).
-
-    Returns:
-        The covariance, and L, the fewest logs that a factor is known from: L - 1 is its freedom.
+    The L that is returned is the least of all joints; L - 1 is the freedom.
     """
     factors_of = [_log_factors(estimate, j)[0] for j in range(len(estimate.rows))]
     values = estimate.fit.slots.ravel()[place] * (place % K != INERTIA)
@@ -322,9 +296,9 @@ def _uncertain(estimate: Estimate) -> IntArray:
 
 
 def _feedback(estimate: Estimate, place: IntArray) -> FloatArray:
-    """What loads' columns add to H, (p + n, p + n), since they follow from the estimate.
+    """What loads' columns add to H, (p + n, p + n), since they depend on the estimate.
 
-    F = A^T W x dA/d(theta, coefficients), x: what multiplies the column
+    F = A^T W x dA/d(theta, coefficients), x: coefficient of the column
     """
     p = estimate.fit.theta.size
     result = np.zeros((p + place.size, p + place.size))
@@ -369,7 +343,7 @@ def _load_slopes(estimate: Estimate, joint: int, slot: int) -> FloatArray | None
 
 
 def _bearing_slopes(estimate: Estimate, prepared: Prepared, joint: int) -> FloatArray:
-    """Derivatives (rows, p) of a bearing's column in one log by the links that it carries."""
+    """Derivatives (rows, p) of a bearing's column in one log by the parameters of its links."""
     scene, motion = estimate.scene, prepared.recording.trajectory
     at = prepared.kept[prepared.slides[:, joint]]
     if not at.size:  # it stands still in this log
@@ -391,12 +365,9 @@ def _bearing_slopes(estimate: Estimate, prepared: Prepared, joint: int) -> Float
 
 
 def between_logs(estimate: Estimate) -> FloatArray:
-    """Return (nj,) how much a joint's friction differs from log to log, as a standard deviation.
+    """Return (nj,) standard deviation of a joint's friction from log to log, as a share.
 
-    It is the scatter of each log's factor on the fitted friction, less that of blocks in a log.
-
-    Args:
-        estimate: the estimate.
+    It is the scatter of each log's factor on friction, less that of blocks in a log.
     """
     result = []
     for j in range(len(estimate.rows)):
