@@ -146,7 +146,7 @@ def test_friction_and_payload_phases(tmp_path):
 
 
 def test_friction_further_out_is_not_taken_for_the_joints_own():
-    """Wrenches are known where something rubs: here at the second of two joints only."""
+    """Wrenches are known at joints with friction: here at the second of two only."""
     model = boom().model.copy()
     outer = model.addJoint(1, pin.JointModelRX(), pin.SE3(np.eye(3), np.ones(3)), "outer")
     model.appendBodyToJoint(outer, lump(2.0, [0.1, 0.2, 0.3], 1.0), pin.SE3.Identity())

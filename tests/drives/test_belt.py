@@ -55,7 +55,7 @@ def test_a_belt_shorter_than_its_pulleys_is_refused(tmp_path):
 
 
 def test_a_joint_behind_a_belt_needs_a_bearing_of_its_own(tmp_path):
-    """Then it is signed; without, the belt is provisional, and the bearing's loads are said."""
+    """With it the drive is signed; without, provisional, and the bearing's loads are printed."""
     wide = {"width": 0.1, "allowable_tension": 7e3, "specific_stiffness": 17.5e5, "length": 1.6}
     belt = AT5 | wide | {"teeth_in": 12.0, "teeth_out": 240.0, "mass_per_length": 0.34}
     ratings = {"kind": "crossed roller", "max_moment": 1e5, "max_radial": 1e6, "max_axial": 1e6}

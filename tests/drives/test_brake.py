@@ -1,4 +1,4 @@
-"""Brakes, against a search over friction within its limits that shares no code with ours."""
+"""Brakes, against an independent search over friction within its limits."""
 
 import re
 from dataclasses import replace
@@ -29,7 +29,7 @@ POSES = np.array([[0.3, -1.2], [1.0, 0.4], [0.1, 1.3], [-0.8, 1.7]])
 
 
 def arm():
-    """Two links in a vertical plane on pins, whose loads at rest are the weights they carry."""
+    """Two links in a vertical plane on pins, loaded at rest by the weights that they carry."""
     model = row(("joint_1", "joint_2"), lump(MASS, [LENGTH / 2, 0, 0]), LENGTH)
     friction = {f"joint_{j + 1}": pin_friction(MU, RADIUS[j]) | dry(0.0) for j in range(2)}
     gear = {
@@ -196,7 +196,7 @@ def test_a_brake_that_is_too_weak_is_missed_where_one_is_wanted(tmp_path, wanted
 
 
 def test_friction_does_not_push_a_brake():
-    """About a vertical axis nothing loads the brake, whatever rubs there."""
+    """About a vertical axis nothing loads the brake, whatever the friction."""
     scene = turntable()
     (found,) = standstills(pf.inverse_dynamics(scene, trapezoid(scene)), {}, Conditions())
     assert COULOMB > 0
@@ -340,7 +340,7 @@ STOPS = {"category": 0, "reaction_time": 0.01}
 
 
 def lever(friction=None, tilt=0.0, **more):
-    """One arm held out; about a vertical axis that is tilted, where that is given."""
+    """One arm held out; about a vertical axis, tilted if a tilt is given."""
     axis = pin.JointModelRZ() if tilt else pin.JointModelRY()
     model = chain(("j", axis, lump(MASS, [LENGTH / 2, 0.0, 0.0])))
     if tilt:
@@ -425,7 +425,7 @@ def test_a_load_of_two_percent_of_the_largest_effort_is_none(share):
 def test_a_brake_holds_with_a_reserve_and_stops_within_half_a_second(
     wanted, stops, rate, guess, factor
 ):
-    """(J/r^2 + J_rotor + J_brake) r omega/0.5 s beyond the load; a brake of 1 % less is passed."""
+    """(J/r^2 + J_rotor + J_brake) r omega/0.5 s beyond the load; a brake of 1 % less is left."""
     assumed = GUESS.model_copy(update={"values": {guess: "?"}}) if guess else None
     gear = {"ratio": 50.0, "rotor_inertia": 3e-4}
     drives = [{"joint": "j", "transmission": gear}]
@@ -460,7 +460,7 @@ def test_a_brake_holds_with_a_reserve_and_stops_within_half_a_second(
 
 @pytest.mark.parametrize(("stops", "moves"), [*product((None, STOPS), (False, True))])
 def test_a_joint_that_moves_needs_a_brake_where_the_robot_is_stopped(stops, moves):
-    """Without `stops` the turntable coasts; where it stands still it needs none."""
+    """Without `stops` the turntable coasts; a joint at rest needs none."""
     scene = turntable().with_(stops=stops)
     motion = trapezoid(scene)
     if not moves:

@@ -83,7 +83,7 @@ def test_the_bundled_catalogue_has_all_that_is_printed_and_no_more():
 
 
 def test_maxons_figures_agree_with_each_other():
-    """A digit that is mistyped shows: stall torque = k U/R, k n0 = U, and a balance of power.
+    """A mistyped digit shows: stall torque = k U/R, k n0 = U, and a balance of power.
 
     At the nominal point friction and iron lose U I - R I^2 - M omega. That is more than nothing,
     and less than at no load, where the motor turns faster: U I0 - R I0^2 with R I0 = U - k n0, k
@@ -153,7 +153,7 @@ def test_a_planetary_gears_idle_torque_counts_once(ratio, eta, idle):
 
 
 def test_brakes_have_the_torques_of_their_own_rows():
-    """A row too far would be a brake of the next size."""
+    """Shifted by a row it would be the brake of the next size."""
     brakes = pf.load_catalog().brakes
     yaskawa = {"05": 4.5, "09": 12.7, "13, 20": 19.6, "30, 44": 43.1, "55, 75": 72.6}
     for model, torque in yaskawa.items():
@@ -180,7 +180,7 @@ AT_FLANGE = {"22": 0.010, "32": 0.010, "42": 0.012, "52": 0.012, "62": 0.024, "8
 
 
 def test_maxons_gearheads_have_the_loads_of_their_own_rows():
-    """A row too far would show: with more stages the radial load of a type never falls."""
+    """A shifted row shows: with more stages the radial load of a type never falls."""
     gears = {n: g for n, g in pf.load_catalog().gears.items() if n.startswith("maxon GP")}
     heads = {n: g for n, g in gears.items() if g.kind == "planetary"}
     assert len(heads) == 30
@@ -316,7 +316,7 @@ LINE = {"nominal_voltage": 48.0, "no_load_speed": 480.0, "stall_torque": 6.0}
     [(*row, x) for rows, x in ((DOUBTED, {}), (TOGETHER, LINE)) for row in table(rows)],
 )
 def test_units_that_cannot_be_right_are_questioned(tmp_path, key, value, text, more):
-    """Of a figure alone, and where it does not go with the others of the speed-torque line."""
+    """By a figure alone, and by a contradiction to others of the speed-torque line."""
     more = more | {"peak_torque": None, "thermal": dict(MOTOR["thermal"])}
     path = written(tmp_path, key, value, **more)
     with pytest.warns(pf.PinfricWarning, match=rf"^{path}: {key[:4]}.*{text}"):

@@ -78,7 +78,7 @@ def test_the_mapping_of_the_reference_page_is_one(tmp_path):
 
 
 def test_what_every_row_has_is_not_shared_between_rows(tmp_path):
-    """Rows add to the same part: none may write into another's, nor inherit what it left out."""
+    """Rows add to the same part: none may write into another's, nor inherit its omissions."""
     thermal = "thermal: {winding_housing: 1.0, housing_ambient: 2.0}"
     mapping = MAPPING.partition("  thermal.")[0] + (
         "  thermal.winding_time: {column: tau, unit: s}\n"

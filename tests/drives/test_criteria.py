@@ -383,7 +383,7 @@ def test_surroundings_hotter_than_the_winding_may_be_are_said_plainly(tmp_path):
 
 
 def test_a_voltage_that_passes_hides_no_tighter_criterion(tmp_path):
-    """A motor of the bus's own voltage, of which only a speed is printed: 0 % by construction."""
+    """A motor of the bus's own voltage with only a speed printed: 0 % by construction."""
     bare = {"torque_constant": None, "resistance": None, "thermal": None}
     line = {"nominal_voltage": 48.0, "max_speed": None, "rated_speed": 400.0}
     joint = sized(tmp_path, bare | line)
@@ -429,7 +429,7 @@ def test_joint_that_stands_while_others_move_is_called_stalled(tmp_path):
 
 @pytest.fixture
 def coupling():
-    """A row that no module knows: what the coupling on the motor's shaft bears."""
+    """A row that no module knows: the torque of the coupling on the motor's shaft."""
     row = Limit(
         "coupling torque",
         need="motor torque",
@@ -692,7 +692,7 @@ RATED = {"dynamic_rating": 2e4, "static_rating": 3e4, "pitch_diameter": 0.07}
 
 
 def variants(tmp_path):
-    """Drives, each with its joint, whose criteria are all rows of the table that `size` has."""
+    """Drives, each with its joint, whose criteria are all rows of `size`'s table."""
     amplifier = {
         "source": "invented",
         "grade": "R",
@@ -739,7 +739,7 @@ def variants(tmp_path):
 
 
 def changed(conditions, key):
-    """The conditions with another value of one key; None where there is none to try."""
+    """The conditions with another value of one key; None if there is none to try."""
     given = getattr(conditions, key)
     others = {
         "collision_effort": {"table": 60.0},

@@ -1,4 +1,4 @@
-"""Duties: against figures weighted by hand, and against the same cycles written out one by one."""
+"""Duties: against figures weighted by hand, and against the same cycles one by one."""
 
 from dataclasses import astuple, replace
 
@@ -32,7 +32,7 @@ from pinfric.errors import CatalogError, SizingError
 
 
 def mean_square(speed):
-    """Of the turntable's worst effort over the trapezoidal cycle at a part of its speed."""
+    """Of the turntable's worst effort over the trapezoidal cycle at a fraction of its speed."""
     push = INERTIA * ACCELERATION * speed**2
     parts = (push + COULOMB, RAMP), (COULOMB, PLATEAU), (push - COULOMB, RAMP), (COULOMB, PAUSE)
     return sum(effort**2 * time for effort, time in parts) / CYCLE

@@ -1,4 +1,4 @@
-"""Do the links hold the drives: what they weigh beside what they would hold, by hand."""
+"""Do the links hold the drives: their weight beside that of the drives, by hand."""
 
 import pytest
 from builders import lump, row, still
@@ -14,7 +14,7 @@ LENGTH = 0.2
 
 
 def arm(mass, masses):
-    """Links of a mass held out level, one behind the other; the first drive is on the ground."""
+    """Links of equal mass held out level in a chain; the first drive is on the ground."""
     names = [f"joint_{k + 1}" for k in range(3)]
     model = row(names, lump(mass, [LENGTH / 2, 0, 0]), LENGTH)
     return pf.Scene(model, masses=masses, stick_velocity=0.0)
@@ -74,7 +74,7 @@ def test_much_of_the_links_is_questioned(all_of, branch, says):
 def test_links_that_are_too_light_are_refused_and_the_safe_side_is_shown(
     tmp_path, mass, masses, added, failing
 ):
-    """The drive at the base bears links and, of the same kind, the two drives beyond it."""
+    """The drive at the base bears links and the two drives beyond it, of the same kind."""
     verdict = (report := sized(tmp_path, mass, masses)).verdict
     own = 9.81 * mass * LENGTH * (0.5 + 1.5 + 2.5)
     assert report.joints[0].demand.peak == pytest.approx(own + 9.81 * added * LENGTH * (1 + 2))

@@ -69,8 +69,8 @@ def test_any_mounting_asks_for_what_the_hardest_one_takes(tmp_path):
 def test_cycles_of_scenes_with_another_gravity_ask_for_the_hardest_by_joint(tmp_path):
     """A slew and a lift: on the wall the slew bears weight, standing only the lift does.
 
-    The wall's cycle is another motion, of other samples; what each joint must bear is what a sizing
-    of that scene alone says.
+    The wall's cycle is another motion with other samples; each joint must bear what a sizing of
+    that scene alone gives.
     """
     motors = {
         f"M{c}": {**MOTOR, "thermal": None, "continuous_torque": c, "mass": c} for c in (0.05, 1)

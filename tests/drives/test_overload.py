@@ -1,4 +1,4 @@
-"""Overload within a cycle: heat and standstills by hand, and against an integration of its own."""
+"""Overload within a cycle: heat and standstills by hand, and against an independent integration."""
 
 import numpy as np
 import pytest
@@ -31,7 +31,7 @@ def test_the_overload_rule_of_intermittent_duty(tau, on):
 
 
 def test_two_nodes_add_up_by_their_resistances():
-    """After a block each node has its own part of the rise, of the rest its own is left."""
+    """Each node has its own share of the rise, and its own decay after a block."""
     t, taus, parts = np.array([0.0, 30.0, 30.0 + 1e-9, 400.0]), (20.0, 300.0), (0.4, 0.6)
     at_end = [
         part * np.expm1(-30.0 / tau) / np.expm1(-400.0 / tau)

@@ -1,4 +1,4 @@
-"""What must be known of a drive, what fits what, and the defaults."""
+"""Figures that a drive must have, what fits what, and the defaults."""
 
 import numpy as np
 import pytest
@@ -44,7 +44,7 @@ gear   average_input_speed    limit for average input speed
     table(CASES),
 )
 def test_a_drive_that_lacks_a_figure_cannot_be_signed(tmp_path, part, figure, asked):
-    """The joint, the product, the figure: whoever prints it is asked for it."""
+    """The joint, the product, the figure: its maker is asked for it."""
     catalog = one_drive(tmp_path, **{part: {figure: None}}, **{})
     gears = {"G": {k: v for k, v in STRAIN.items() if part != "gear" or k != figure}}
     motors = {"M": {k: v for k, v in MOTOR.items() if part != "motor" or k != figure}}
@@ -88,7 +88,7 @@ def test_what_stands_in_is_the_lower_limit_and_said(tmp_path):
 
 
 def test_a_stiffness_that_is_not_printed_is_not_rigid(tmp_path):
-    """Whatever else there is: not where a softer gear fails by it, and not where none does."""
+    """Neither where a softer gear fails by it, nor where none does."""
     unknown = {k: v for k, v in GEAR.items() if k != "stiffness"}
     for soft in ({**GEAR, "stiffness": 4e3, "mass": 0.8}, {**GEAR, "mass": 0.8}):
         gears = {"soft": soft, "unknown": {**unknown, "mass": 0.5}, "stiff": {**GEAR, "mass": 1.2}}

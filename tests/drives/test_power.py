@@ -1,4 +1,4 @@
-"""The bus of all drives, by sums of their own."""
+"""The bus of all drives, by independent sums."""
 
 import numpy as np
 import pinocchio as pin
@@ -30,7 +30,7 @@ def turning(scene, delay=0, samples=60):
 
 @pytest.mark.parametrize("delay", [0, 60, 100])
 def test_the_bus_carries_the_sum_of_all_drives(tmp_path, delay):
-    """What one drive feeds back while the other draws never reaches the supply."""
+    """Power that one drive feeds back while the other draws never reaches the supply."""
     scene = tables()
     conditions = {
         "inertia_ratio": 100,

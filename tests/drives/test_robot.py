@@ -1,4 +1,4 @@
-"""What a kilogram at each joint adds, against inverse dynamics with that kilogram in the model."""
+"""Effects of a kilogram at each joint, against inverse dynamics with that kilogram in the model."""
 
 import dataclasses
 
@@ -36,7 +36,7 @@ def arm():
 
 @pytest.mark.parametrize("seed", range(3))
 def test_efforts_wrenches_and_inertias_are_those_of_inverse_dynamics(arm, seed):
-    """Without friction to rounding; friction is that of the lighter robot: a little off."""
+    """Without friction to rounding; with it nearly, as friction is that of the lighter robot."""
     scene, motion, robot = arm
     rng = np.random.default_rng(seed)
     masses = {i: float(rng.uniform(0.2, 3.0)) for i in range(6)}
@@ -97,7 +97,7 @@ def test_in_a_loop_a_drive_may_load_each_joint_but_for_one_on_the_ground():
 
 @pytest.mark.parametrize("before", [None, "without_drives"])
 def test_links_hold_the_drives_that_a_robot_is_equipped_with(arm, tmp_path, before):
-    """And no other: a drive whose mass is not known adds none."""
+    """And no other: a drive of unknown mass adds none."""
     scene = arm[0].with_(masses=before)
     known = sized_cycle(one_drive(tmp_path)).joints[0].choice.candidate
     drives = {2: known, 3: dataclasses.replace(known, mass=None)}

@@ -37,7 +37,7 @@ PRINTED = {210: 2.82, 600: 1.29, 990: 0.78, 1200: 0.42}
 
 
 def searched(stepper, speed, voltage):
-    """The largest torque of all currents of two phases, on a grid, whose voltage is there."""
+    """The largest torque of all currents of two phases, on a grid, that the voltage allows."""
     most = np.sqrt(2) * stepper.current
     k, w = stepper.holding_torque / most, speed * stepper.steps / 4
     size, angle = np.meshgrid(np.linspace(0, most, 1201), np.linspace(-1, 1, 1441) * np.pi / 2)
@@ -148,7 +148,7 @@ def test_a_stepper_that_is_switched_off_is_not_heated(tmp_path):
 
 
 def test_no_stepper_is_ruled_out_that_bears_a_sample(tmp_path):
-    """What the search takes of a sample is its share, above by nothing; at rest of what is held."""
+    """The search finds at most a sample's share of the curve, at rest of the holding torque."""
     stepper = CURVE | {
         "pull_out": [[0.0, 0.2], [100.0, 0.7], [200.0, 0.5]],
         "standstill_current": 1,

@@ -1,4 +1,4 @@
-"""What a gear bears when its brake closes, by hand, and the stops of the chosen drive."""
+"""The load on a gear when its brake closes, by hand, and the stops of the chosen drive."""
 
 import numpy as np
 import pytest
@@ -91,7 +91,7 @@ def test_the_gear_in_a_gearmotor_has_no_figure_and_a_direct_drive_no_gear(tmp_pa
 
 
 def test_another_peak_stands_in_for_a_momentary_one(tmp_path):
-    """Of a planetary gear T2Not is T2B where it is not printed, and the report says so."""
+    """T2B of a planetary gear stands in for an unprinted T2Not, and the report says so."""
     found = row(sized(tmp_path, gear={"momentary_peak_torque": None}))
     assert (found.available, found.status) == (60.0, Status.FAILS)
     assert found.note.endswith("the repeated peak torque: no higher limit is known")

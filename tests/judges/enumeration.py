@@ -1,8 +1,7 @@
 """All states of friction of one sample, enumerated and proved, and the ends of efforts.
 
-A sliding site has one friction; a sticking site may be at either of its limits; a reversing site
-may have all three. The efforts' ends are where each site has one of these. The limit of a sticking
-ball is a sphere: its friction is turned towards each end, from several starts.
+The choices are those of `friction_states`. The limit of a sticking ball is a sphere: its friction
+is turned towards each end, from several starts.
 """
 
 from dataclasses import dataclass, field
@@ -30,9 +29,9 @@ class States:
         friction_lower, friction_upper: (ns,).
         fewest, most: least and greatest number of solutions of one choice.
         decided: whether these are proved to be all that the choices have.
-        sampled, flipped: only some choices were tried, because sticking balls have infinitely
-            many, or because there were too many.
-        reference: (n, ne) solutions where what sticks has no friction.
+        sampled, flipped: only some choices were tried, because sticking balls have infinitely many,
+            or because there were too many.
+        reference: (n, ne) solutions in which sticking sites have no friction.
     """
 
     lower: np.ndarray
@@ -48,7 +47,7 @@ class States:
 
     @property
     def certain(self) -> bool:
-        """Whether the ends are."""
+        """Whether the ends are certain."""
         return self.decided and not self.sampled and not self.flipped
 
     def possible(self, status: Status) -> bool:
@@ -116,7 +115,7 @@ class Enumeration:
         return np.tile(np.concatenate(parts) if parts else np.zeros(0), (m, 1))
 
     def _take(self, codes: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Solve choices, let them widen the ends; return efforts (m, na) at the lower, upper end.
+        """Solve choices, widen the ends; return efforts (m, na) at the lower and upper end.
 
         Args:
             codes: (m, number choosing) option of each site that chooses.
@@ -146,14 +145,14 @@ class Enumeration:
         return ends[0], ends[1]
 
     def _lever(self, s: int, entries: np.ndarray) -> np.ndarray:
-        """(na,) effort per unit friction of a leaf; a ball's along what helps most."""
+        """(na,) effort per unit friction of a leaf; a ball's along its most effective direction."""
         U = self.balance.effort[:, 1 + entries]
         return np.asarray(
             np.linalg.norm(U, axis=1) if self.laws[s].sphere else U @ self.laws[s].direction
         )
 
     def _range(self, phi: np.ndarray, load: np.ndarray) -> None:
-        """Let solutions widen the range of each site's friction; a ball's is along its slip."""
+        """Widen the range of each site's friction by solutions; a ball's is along its slip."""
         for s, law in enumerate(self.laws):
             entries = np.flatnonzero(self.balance.entry_site == s)
             values = phi[:, entries] @ law.direction
@@ -166,7 +165,7 @@ class Enumeration:
                 st.friction_upper[s] = np.fmax(st.friction_upper[s], values.max())
 
     def _chosen(self, codes: np.ndarray) -> np.ndarray:
-        """(m, ns, 2) alpha and beta of every site; leaves have none, for they load nothing."""
+        """(m, ns, 2) alpha and beta of every site; leaves have none, because they load nothing."""
         lines = np.zeros((len(codes), self.ns, 2))
         for s, law in enumerate(self.laws):
             if s not in self.leaves:
@@ -268,10 +267,10 @@ class Enumeration:
     def _total_slope(
         self, codes: np.ndarray, directions: np.ndarray, drive: int, sign: float
     ) -> np.ndarray:
-        """(m, ne) change of sign times an effort per unit friction added, with what that loads.
+        """(m, ne) change of sign times an effort per unit friction added, with its effect on loads.
 
-        phi = D (alpha + beta load(phi)) + delta, so the effort changes by
-        U (I - D beta L)^-1 delta with L the slope of the loads.
+        phi = D (alpha + beta load(phi)) + delta, so the effort changes by U (I - D beta L)^-1 delta
+        with L the slope of the loads.
         """
         b = self.balance
         lines = self._chosen(codes)

@@ -1,14 +1,14 @@
-"""What machines with gears do: every mode times every line of every gear, in plain NumPy.
+"""Machines with gears: every mode times every line of every gear, in plain NumPy, no pinfric.
 
-Nothing of pinfric is used. At one state
+At one state
 
     M a + h = S^T t + D^T x + J^T lambda,    J a = gamma,    u - I s' = F(t),    s' = S a + bend
 
 with t what each gear delivers along its rate S v, x the bearings' friction along D v, and F one of
 the gear's lines: slope t + offset, for t from least to greatest. What sticks has the rate 0, and
-what its gears and bearings must then add along it lies within what they hold: a gear every t with
-F_-(t) <= u <= F_+(t), a bearing anything up to its limit. What slips least from rest counts, of
-what is stable. An answer is stable where a shaft with a little compliance would stay at it:
+what its gears and bearings add along it is within what they hold: a gear every t with F_-(t) <= u
+<= F_+(t), a bearing anything up to its limit. Of the stable answers that with the fewest joints
+slipping from rest counts. An answer is stable if a shaft with a little compliance stays at it:
 
     diag(slope) + I^1/2 S M^-1 S^T I^1/2 positive definite
 """
@@ -99,15 +99,15 @@ class Bearing(NamedTuple):
 
 
 class System(NamedTuple):
-    """A machine at one state; see the module's text.
+    """A machine at one state; see the module.
 
     Attributes:
         M, h: (n, n), (n,). J, gamma: (nl, n), (nl,).
         S, bend, speed, u: (ng, n), (ng,): of every gear; u = r T_m - drag.
         gears, bearings: of the rows of S, of D.
         D, turn, rate: (nb, n), (nb,): of every bearing, its rate's change at a = 0, its rate.
-        loads: accelerations (n,) -> friction of the bearings that follows loads, in motion and at
-            rest (2, nb); None: there is none.
+        loads: accelerations (n,) -> load-dependent friction of the bearings, in motion and at rest
+            (2, nb); None: there is none.
     """
 
     M: np.ndarray
@@ -127,7 +127,7 @@ class System(NamedTuple):
 
 
 class Answer(NamedTuple):
-    """An acceleration that obeys all laws, what moving gears deliver, and whether it lasts."""
+    """An acceleration that obeys all laws, what moving gears deliver, and whether it is stable."""
 
     a: np.ndarray
     t: np.ndarray
@@ -176,10 +176,7 @@ def _places(s: System) -> _Places:
 
 
 def answers(s: System) -> list[Answer]:
-    """Every different acceleration that obeys the laws, until one of them is stable.
-
-    Those with the fewest joints slipping first.
-    """
+    """Different accelerations that obey the laws, fewest slips first, until one is stable."""
     places, found = _places(s), list[Answer]()
     rests = np.flatnonzero(np.abs(places.rate) <= STILL)
     for level in range(len(rests) + 1):
@@ -197,7 +194,7 @@ def answers(s: System) -> list[Answer]:
 
 
 def the_answer(found: list[Answer]) -> np.ndarray | None:
-    """The acceleration that is to be returned: the only stable one; None: it is to be refused."""
+    """The only stable acceleration; None if the state is to be refused."""
     stable = [answer.a for answer in found if answer.stable]
     return stable[0] if len(stable) == 1 else None
 
@@ -253,7 +250,7 @@ def _in_modes(s: System, p: _Places, ways: np.ndarray, rests: np.ndarray) -> Ite
 def _solve(
     s: System, modes: _Modes, moving: np.ndarray, lines: np.ndarray, friction: np.ndarray
 ) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-    """Yield the lines that fit, of a batch (m, g, 4), and what the gears deliver on them."""
+    """Yield the fitting lines of a batch (m, g, 4), and what the gears deliver on them."""
     if not len(moving):
         yield lines[0], np.zeros(0)
         return
@@ -275,7 +272,7 @@ def _solve(
 def _with_loads(
     s: System, p: _Places, modes: _Modes, moving: np.ndarray, line: np.ndarray
 ) -> Iterator[Answer]:
-    """The answer on one choice of lines, loads of bearings again until they stay."""
+    """The answer on one choice of lines; loads of bearings are repeated until they stay."""
     assert s.loads is not None
     free = line.copy()
     free[:, 2:] = -np.inf, np.inf
@@ -316,7 +313,7 @@ def _check(
     friction: np.ndarray,
     followed: np.ndarray,
 ) -> Answer | None:
-    """The answer on lines that fit, if what slips does so and what sticks is held."""
+    """The answer on fitting lines, if the slipping joints slip and the sticking ones are held."""
     a = _acceleration(s, modes, moving, t, friction)
     rates = p.rows @ a + p.bend
     rests = np.abs(p.rate) <= STILL
@@ -337,7 +334,7 @@ def _check(
 def _held(
     s: System, p: _Places, modes: _Modes, need: np.ndarray, followed: np.ndarray, t: np.ndarray
 ) -> bool:
-    """Whether gears and bearings that stick can add along their rows what is needed (n,)."""
+    """Whether gears and bearings that stick can add the needed (n,) along their rows."""
     stuck = modes.stuck
     if not len(stuck):
         return True

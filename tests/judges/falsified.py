@@ -1,4 +1,4 @@
-"""Results of six situations, and what of them is falsified."""
+"""Results of six situations, and their falsifications."""
 
 from dataclasses import replace
 

@@ -11,7 +11,8 @@ _ROUNDING = 1e-9
 def fewest_slips(R, r, static, kinetic):
     """Frictions (n,) with the fewest slipping joints, one for each answer; rates are r + R x.
 
-    What slips minimizes x^T S x / 2 + s^T x within its kinetic limits, S and s with the rest held.
+    Slipping frictions minimize x^T S x / 2 + s^T x within their kinetic limits; in S and s the
+    others are held.
     """
     n = len(r)
     for level in range(n + 1):

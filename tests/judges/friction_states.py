@@ -1,8 +1,8 @@
 """The judge's states of friction of one sample: every choice of limits, by Newton's method.
 
 A sliding site has one friction; a sticking site may be at either of its limits; a reversing site
-may have all three. The efforts' ends are where each site has one of these. Where a choice contracts
-it has exactly one solution (Banach); else many starts are tried, and nothing is proved.
+may have all three. The efforts' ends are where each site has one of these. A choice that contracts
+has exactly one solution (Banach); else many starts are tried, and nothing is proved.
 """
 
 from dataclasses import dataclass
@@ -50,12 +50,7 @@ class SiteLaw:
 
 
 def site_laws(sample: JudgedSample, scale: float) -> list[SiteLaw]:
-    """Return the possible frictions of each site.
-
-    Args:
-        sample: `JudgedSample`.
-        scale: of loads (N m or N), where the laws are asked.
-    """
+    """Return the possible frictions of each site, for loads about `scale` (N m or N)."""
     laws = []
     for k, site in enumerate(sample.scene.sites):
         velocity = sample.velocity(site)
@@ -84,7 +79,7 @@ class FrictionStates:
 
     Attributes:
         lower, upper: (na,) ends of the efforts. friction_lower, friction_upper: (ns,).
-        reference: (n, ne) solutions where what sticks has no friction.
+        reference: (n, ne) solutions in which sticking sites have no friction.
         fewest, most: least and greatest number of solutions of one choice.
         certain: all choices were tried, each has exactly one solution.
     """
@@ -164,7 +159,6 @@ def solve_choices(
     """Return every solution of z = k + sum |p + P phi|, phi = direction (alpha + beta z).
 
     Args:
-        maps: of the sample.
         lines: (m, ns, 2) alpha and beta of each choice. directions: (m, ne).
 
     Returns:
@@ -209,8 +203,7 @@ def _near(
 ) -> np.ndarray:
     """Return the solutions (n, nz) that Newton's method reaches from z; NaN where none.
 
-    Args:
-        pass_helps: (n,) the fixed point converges: taken where Newton's step does not help.
+    Where `pass_helps` (n,) and Newton's step does not, a step of the fixed point is taken.
     """
 
     def residual(z: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

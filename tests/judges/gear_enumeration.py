@@ -4,9 +4,9 @@
     python tests/judges/gear_enumeration.py locking 1000
     python tests/judges/gear_enumeration.py ur10 50000
 
-The judge knows nothing of pinfric's solvers: for every choice of stick and slip at rest, and of the
-driving and the driven line of every gear that moves, accelerations follow from one linear system,
-with loads of bearings by RNEA, again until they stay. Kept is what obeys its signs and limits.
+The judge shares no code with pinfric's solvers: for every choice of stick and slip at rest, and of
+the driving and the driven line of every moving gear, accelerations follow from one linear system.
+Loads of bearings, by RNEA, are repeated until they stay. Kept is what obeys its signs and limits.
 """
 
 import sys
@@ -30,7 +30,7 @@ ROUNDING = 1e-9
 
 
 class Arm:
-    """An open chain of joints of one degree as plain numbers, one row each."""
+    """An open chain of one-degree joints as plain numbers, one row each."""
 
     def __init__(self, scene, attached=()):
         self.model = scene.loaded_model(attached)
@@ -60,7 +60,7 @@ class Arm:
         self.dry = self.loses | self.mu.any(axis=0) | self.coulomb.any(axis=0)
 
     def mass_matrix(self, q):
-        """M (n, n) by RNEA: Pinocchio's CRBA takes for granted that joints are depth first."""
+        """M (n, n) by RNEA: Pinocchio's CRBA assumes that joints are numbered depth first."""
         still = np.zeros(self.model.nv)
         h = pin.rnea(self.model, self.data, q, still, still).copy()
         columns = [pin.rnea(self.model, self.data, q, still, a) - h for a in np.eye(len(h))]
@@ -78,9 +78,9 @@ class Arm:
     def holds(self, u, effort, limit, slack):
         """(n,) bool: whether gears at rest hold an effort t that bearings leave them.
 
-        At rest F_-(t) <= u <= F_+(t), which are lines below and above the t axis. Where a gear
-        locks itself u = 0 is held by any t, so one of them counts, and it is farthest from zero
-        at an end of what bearings leave.
+        At rest F_-(t) <= u <= F_+(t), lines below and above the t axis. A gear that locks itself
+        holds u = 0 at any t, so one such t counts; it is farthest from zero at an end of what
+        bearings leave.
         """
         low, high = u - self.no_load[1], u + self.no_load[1]
         least = np.where(low > 0.0, low * self.forth, low / self.back)
@@ -138,7 +138,7 @@ class Arm:
         return a if self._obeys(u, a, effort, load, sign, stuck, slope, push, v, slack) else None
 
     def _obeys(self, u, a, effort, load, sign, stuck, slope, push, v, slack):
-        """Whether gears are on their lines, what slips from rest does so, and what sticks holds."""
+        """Whether gears are on their lines, slipping joints slip, and sticking ones hold."""
         t = (push - self.rotor * a) / slope
         drives = np.where(slope > 1.0, 1.0, -1.0)
         rests = np.abs(v) <= 1e-6
@@ -151,7 +151,7 @@ class Arm:
 
 
 def fewest(found):
-    """The accelerations in which least slips from rest, each once."""
+    """The accelerations with the fewest slips from rest, each once."""
     least = min((count for count, _ in found), default=0)
     kept = []
     for count, a in found:
@@ -161,7 +161,7 @@ def fewest(found):
 
 
 def judge(solver, arm, q, v, torque, compare=False):
-    """What forward dynamics says, whether that is so: (a or None, the error, true)."""
+    """What forward dynamics says, and whether it is true: (a or None, the error, true)."""
     try:
         a = solver.forward(q, v, motor_torque=torque).a.copy()
         answers = fewest(arm.accelerations(q, v, torque)) if compare else [a]
@@ -187,10 +187,7 @@ def random_arm(seed):
 
 
 def locking_arm(seed):
-    """An arm at rest, most of its gears self-locking, and torques.
-
-    Motors push with their loads as often as against them.
-    """
+    """An arm at rest, most of its gears self-locking, and torques, half of them with the load."""
     scene, rng = geared_arm(seed, locks=0.8)
     arm = Arm(scene)
     n = arm.model.nv
@@ -202,7 +199,7 @@ def locking_arm(seed):
 
 
 def random_state(arm, rng):
-    """A state of the UR10, some of its joints at rest, and torques about what it takes."""
+    """A state of the UR10, some of its joints at rest, and torques about those needed."""
     q = rng.uniform(-np.pi, np.pi, 6)
     v = rng.normal(size=6) * (rng.random(6) < rng.choice([0.0, 0.3, 0.6]))
     h = pin.rnea(arm.model, arm.data, q, v, np.zeros(6))

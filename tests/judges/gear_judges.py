@@ -1,7 +1,7 @@
-"""What gears that lose what they carry do, with pencil and paper: nothing of pinfric is used.
+"""Lossy gears with pencil and paper: nothing of pinfric is used.
 
-One joint: t = M a + h leaves the gear (h resists forward motion), u - I a - k v enters it, with
-u = ratio T_m, I = ratio^2 J_rotor, k = ratio^2 c_motor. Moving in the direction s,
+One joint: t = M a + h leaves the gear (h resists forward motion), u - I a - k v enters it, with u =
+ratio T_m, I = ratio^2 J_rotor, k = ratio^2 c_motor. Moving in the direction s,
 
     u - I a - k v = slope t + s n,    slope = 1/eta where s t > 0 (the motor drives), else eta_b,
 
@@ -42,7 +42,7 @@ class Stretch(NamedTuple):
     k: float = 0.0
 
     def at(self, t):
-        """q, v at times t: the particular solution, and e^(-k t/m) of what the start is off it."""
+        """q, v at times t: the particular solution, and e^(-k t/m) times the start's offset."""
         v0, q0 = self._particular(self.start)
         v1, q1 = self._particular(t)
         since, off = t - self.start, self.v - v0
@@ -112,7 +112,7 @@ def sine_against_load(M, gear, amplitude, w, h0, h1, t_end):
 
 
 def heat(stretches, gear):
-    """What gear and drag lose along stretches of `sine_against_load` (J): (slope - 1) t + n, k v.
+    """Losses of gear and drag along stretches of `sine_against_load` (J): (slope - 1) t + n, k v.
 
     The load's side of the gear carries t = (u - k v - I a - s n)/slope.
     """
@@ -200,12 +200,11 @@ def smoothed(M, h, u, gear, v0, t_end, width, times):
 def accelerations(M, h, u, v, gears):
     """All a (n,) that obey moving gears on every joint, by trying which side drives in each.
 
-    diag(slope) (M a + h) + I a = u - k v - sign(v) n, slope by the sign of v (M a + h).
+        diag(slope) (M a + h) + I a = u - k v - sign(v) n, slope by the sign of v (M a + h)
 
     Args:
-        M, h: (n, n), (n,) without rotors; h with all that acts at the joints besides.
+        M, h: (n, n), (n,) without rotors; h with all else that acts at the joints.
         u, v: (n,), v without zeros.
-        gears: of each joint.
     """
     inertia, drag = np.diag([g.inertia for g in gears]), np.array([g.drag for g in gears])
     right = u - drag * v - np.sign(v) * [g.n for g in gears]

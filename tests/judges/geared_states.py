@@ -1,4 +1,4 @@
-"""Random machines with gears at random states, and what `every_line` knows of them.
+"""Random machines with gears at random states, as `every_line` judges them.
 
     python tests/judges/geared_states.py worms 1000
     python tests/judges/geared_states.py all 1000
@@ -35,11 +35,9 @@ Case = tuple[pf.Scene, np.ndarray, np.ndarray, np.ndarray, System]
 
 
 def constant_gear(rng: Rng, ratio: float, rotor: float, locks: bool, inertia: float) -> dict:
-    """A gear of constant efficiencies.
+    """A gear of constant efficiencies, its rotor about this share of the joint's inertia.
 
-    Args:
-        rotor: of the inertia at the joint that is reflected, about that share.
-        locks: whether the load alone never moves it.
+    `locks`: whether the load alone never moves it.
     """
     size = rotor * inertia / ratio**2
     eta = float(rng.uniform(0.3, 0.9))
@@ -101,7 +99,7 @@ def tree_dynamics(model: pin.Model, q: np.ndarray, v: np.ndarray) -> tuple[np.nd
 
 
 def torques(rng: Rng, S: np.ndarray, h: np.ndarray, ratio: np.ndarray) -> np.ndarray:
-    """Torques about what gravity takes: with it, against it, or of any size."""
+    """Torques about gravity's: with it, against it, or of any size."""
     needed = np.linalg.lstsq(S.T, h, rcond=None)[0]
     push = rng.choice([-1.0, -0.3, 0.3, 1.0, 2.0], size=len(ratio)) * needed
     push += 0.4 * (np.abs(h).max() + 1.0) * rng.normal(size=len(ratio)) * (rng.random() < 0.7)
@@ -189,10 +187,10 @@ def arm(
     """A random arm, a gear on every joint.
 
     Args:
-        locks: share of gears that lock themselves.
+        locks: share of self-locking gears.
         rotor: decades of what rotors reflect, beside the joints' inertia.
-        curves: whether gears are makers'.
-        mu: whether bearings rub by their loads.
+        curves: whether gears have makers' curves.
+        mu: whether bearings have friction by their loads.
         coupled: whether some drives move with two joints.
     """
     n = int(rng.integers(2, most + 1))
@@ -357,7 +355,7 @@ def _point(
 
 
 def crane(rng: Rng) -> Case:
-    """A boom and an arm, each on a lead screw between links; pins and seals rub."""
+    """A boom and an arm, each on a lead screw between links; pins and seals have friction."""
     model, parent = pin.Model(), 0
     links = [("boom", 1.0, 40.0), ("arm", 0.7, 20.0)]
     model.addBodyFrame("ground", 0, pin.SE3.Identity(), 0)
@@ -453,7 +451,7 @@ def compare(kind: str, seed: int) -> tuple[str, Any]:
 
 
 def study(kind: str, seeds: range) -> tuple[Counter[str], dict[str, list[int]]]:
-    """Count the outcomes of many states, and say of which seeds the wrong ones are."""
+    """Count the outcomes of many states, and print the seeds of the wrong ones."""
     count: Counter[str] = Counter()
     wrong: dict[str, list[int]] = {}
     for seed in seeds:

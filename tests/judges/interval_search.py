@@ -74,7 +74,7 @@ class Loads:
 
     @property
     def contraction(self) -> np.ndarray:
-        """(m,) below 1 there is exactly one solution: spectral radius of the steepness."""
+        """(m,) spectral radius of the steepness; below 1 there is exactly one solution."""
         matrix = np.einsum("kt,mtj->mkj", self.owner, self.steepness)
         return np.asarray(np.abs(np.linalg.eigvals(matrix)).max(axis=1, initial=0.0))
 
@@ -112,12 +112,9 @@ def all_solutions(loads: Loads) -> Found:
 
 
 def _near(loads: Loads, z: np.ndarray, passes_help: np.ndarray) -> np.ndarray:
-    """Return where Newton's method, or passes of the fixed point where these help, come to.
+    """Return where Newton's method, or the fixed point where that helps, ends from z (m, nz).
 
-    Args:
-        loads: of m choices.
-        z: (m, nz) starts.
-        passes_help: (m,) where the fixed point converges.
+    `passes_help` (m,): where the fixed point converges.
     """
     rest = loads.residual(z)
     best, least = z.copy(), np.abs(rest).max(axis=1)
@@ -143,7 +140,7 @@ def _near(loads: Loads, z: np.ndarray, passes_help: np.ndarray) -> np.ndarray:
 class _Reduced(NamedTuple):
     """The loads of one choice in the few coordinates y that move any contact force.
 
-    z = k + owner |p + B y|,    y = c + M |p + B y|,    M = C owner,  c = C k,  y = C z
+        z = k + owner |p + B y|,    y = c + M |p + B y|,    M = C owner,  c = C k,  y = C z
 
     Attributes:
         c: (r,). M: (r, nt). p: (nt, 3). B: (nt, 3, r). steep: (nt, r) lengths of B's columns.
@@ -170,7 +167,7 @@ class _Reduced(NamedTuple):
         return force, np.sqrt((force**2).sum(axis=2))
 
     def rounding(self, y: np.ndarray) -> np.ndarray:
-        """Return (n, r) what rounding leaves of y - c - M |p + B y|."""
+        """Return (n, r) the rounding error of y - c - M |p + B y|."""
         terms = np.abs(self.p).sum(axis=1)
         terms = terms + np.einsum("tej,nj->nt", np.abs(self.B), np.abs(y))
         return np.asarray(_EPS * (np.abs(y) + np.abs(self.c) + terms @ np.abs(self.M).T))
@@ -206,7 +203,7 @@ def _boxes(loads: Loads) -> tuple[np.ndarray, bool]:
 
 
 def _within(here: _Reduced, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Narrow boxes to where y can be c + M |p + B y|; leave out those where it cannot."""
+    """Narrow boxes to where y can be c + M |p + B y|; drop those where it cannot."""
     middle, radius = 0.5 * (low + high), 0.5 * (high - low)
     force, size = here.forces(middle)
     reach = np.einsum("tej,nj->nte", np.abs(here.B), radius)
@@ -226,7 +223,7 @@ def _within(here: _Reduced, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarr
 def _krawczyk(
     here: _Reduced, middle: np.ndarray, radius: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return Newton's step from the middle of each box, and by how much it spreads over the box.
+    """Return Newton's step from the middle of each box, and its spread over the box.
 
     A solution in the box is within the spread of middle - step; if that is within the box, there is
     exactly one. The slope of a force's size changes by its steepness times the change of its
@@ -250,7 +247,7 @@ def _krawczyk(
 def _settled(here: _Reduced, middle: np.ndarray, radius: np.ndarray) -> np.ndarray:
     """Return near the only solution of each box: Krawczyk's test again on the box that it leaves.
 
-    Newton's method alone may leave the box, and end at the solution of another one.
+    Newton's method alone may leave the box for the solution of another one.
     """
     middle, radius = middle.copy(), radius.copy()
     for _ in range(_PASSES):

@@ -2,9 +2,9 @@
 
     M a + h - J_ext^T f_ext = S^T u + P y + D phi,    w_k = w_k0 + W_k phi
 
-P are the columns of the loops' multipliers and of undriven coordinates. An orthonormal basis of the
-motions that they allow (SVD) eliminates them; the rest is least squares. Jacobians are Pinocchio's
-joint Jacobians, wrenches `data.f` of its RNEA; no kernel, no twin.
+P are the columns of the loops' multipliers and of undriven coordinates; an orthonormal basis of the
+motions that they allow (SVD) eliminates them, the others follow by least squares. Jacobians are
+Pinocchio's joint Jacobians, wrenches `data.f` of its RNEA; no kernel, no twin.
 """
 
 from collections.abc import Sequence
@@ -94,10 +94,9 @@ class SampleMaps:
 
 
 class JudgedSample:
-    """One sample of a result, with Pinocchio's joint Jacobians and all pairs by name.
+    """Sample i of a result, with Pinocchio's joint Jacobians and all pairs by name.
 
     Args:
-        result, i: which.
         model: with the payloads of this sample.
         q: (nq,) another configuration than the sample's.
     """

@@ -1,7 +1,7 @@
 """Mechanisms whose static limits lie decades apart, and a judge of what holds: exact, then HiGHS.
 
-The judge knows nothing of pinfric: Pinocchio's rnea gives h, its Jacobians where the ring closes.
-From there on all is in fractions, until the program is written, every friction in its own limit.
+The judge shares no code with pinfric: Pinocchio's rnea gives h, its Jacobians the ring's closure.
+All else is in fractions until the program is written, every friction in its own limit.
 """
 
 from fractions import Fraction
@@ -40,7 +40,7 @@ class Mechanism(NamedTuple):
 def random_mechanism(seed: int, decades: float = 12.0) -> Mechanism:
     """A ring of four to six pins, an arm of three joints and a hoist, sizes and limits far apart.
 
-    Some joints have self-locking gears. What moves alone has loads as small or large as its limit.
+    Some joints have self-locking gears. Loads of joints that move alone are about their limits.
     """
     rng = np.random.default_rng(seed)
     size = 10.0 ** rng.uniform(-decades / 2, decades / 2, 3)  # kg
@@ -104,8 +104,8 @@ def random_mechanism(seed: int, decades: float = 12.0) -> Mechanism:
 def least_use(m: Mechanism) -> float:
     """The least t with |x_k| <= t limit_k of all frictions x in equilibrium, by HiGHS.
 
-    D^T x + J^T f = h - u in fractions; all but as many x as are free, and the forces f that close
-    the ring, are eliminated, the largest limits first. So no row of the program mixes decades.
+    D^T x + J^T f = h - u in fractions; the forces f that close the ring, and all x but the free
+    ones, are eliminated, the largest limits first, so that no row of the program mixes decades.
     """
     model, data = m.scene.model, m.scene.model.createData()
     h = pin.rnea(model, data, m.q, np.zeros(model.nv), np.zeros(model.nv))

@@ -1,7 +1,7 @@
 """Random chains and rings of pins at rest in the plane, and every corner of their friction.
 
-Newton and Euler bar by bar in absolute coordinates, plain NumPy: no Pinocchio, no pinfric. With
-the pins' friction torques phi, the pins' forces F and the drives' torques u follow from the three
+Newton and Euler bar by bar in absolute coordinates, plain NumPy: no Pinocchio, no pinfric. With the
+pins' friction torques phi, the pins' forces F and the drives' torques u follow from the three
 equations of every bar; a corner has sign sigma_k at pin k, and phi_k = sigma_k mu R |F_k(phi)|.
 """
 
@@ -143,14 +143,13 @@ class PinChain:
 
 
 def random_chain(seed: int, loops: tuple[int, ...], mu: float, most: float = 0.95) -> PinChain:
-    """Return a chain of loops: the first of as many pins, each further adds as many.
+    """Return a random chain of bars with these loops of pins.
 
     Args:
         seed: of the geometry, masses and drives.
         loops: number of pins of the first loop, and of what each further adds; 3 or more.
         mu: coefficient of friction.
-        most: the radii are so large that the contraction is at most this, and no pin thicker than
-            0.06 m.
+        most: the radii are so large that the contraction is at most this, but no more than 0.06 m.
     """
     rng = np.random.default_rng(seed)
     while True:

@@ -19,19 +19,15 @@ def plain_normal_load(site: Site, wrench: np.ndarray, displacement: float) -> fl
     """Return one site's normal load by the formulas of `bearings`, written out.
 
     Args:
-        site: the joint and its bearing.
         wrench: (6,), parent on child in the child's joint frame.
-        displacement: position of the child along the axis (m), for guides fixed to the parent.
+        displacement: of the child along the axis (m), for guides fixed to the parent.
     """
     forces, constant = _forces(site, wrench, displacement)
     return float(sum(map(np.linalg.norm, forces)) + constant)
 
 
 def plain_load_terms(site: Site, displacement: float) -> tuple[list[np.ndarray], float]:
-    """Return (3, 6) maps B and the constant of the load sum |B w| + constant.
-
-    Args: see `plain_normal_load`; each contact force is linear in the wrench w.
-    """
+    """Return (3, 6) maps B and the constant of the load sum |B w| + constant."""
     columns, constant = _forces(site, np.eye(6), displacement)
     return [column.T for column in columns], float(constant)
 
@@ -41,10 +37,7 @@ _Forces = tuple[list[np.ndarray], float]
 
 
 def _forces(site: Site, wrench: np.ndarray, displacement: float) -> _Forces:
-    """The weighted contact forces (..., 3) of a site, and the constant part of its load.
-
-    wrench: (..., 6).
-    """
+    """Weighted contact forces (..., 3) under wrenches (..., 6), and the load's constant."""
     bearing, k = site.friction.bearing, site.axis
     if bearing is None:
         return [], 0.0
@@ -92,7 +85,6 @@ def plain_friction(
     """Return the least and greatest friction of one site (`laws`; paper eq. 20, 21).
 
     Args:
-        site: the joint and its law.
         velocity: child relative to parent (rad/s or m/s).
         load: normal load (N m or N).
         at_rest: the site passes through rest beside this sample.
@@ -116,7 +108,7 @@ def _power(speed: float, power: float) -> float:
 
 
 def _dry(friction: Friction, load: float, direction: float, speed: float | None) -> float:
-    """Dry friction's magnitude at a speed; None: at rest, where it is at its limit."""
+    """Dry friction's magnitude at a speed; None: at rest, at its limit."""
     blend, stribeck = float(speed is None), friction.stribeck
     if speed is not None and stribeck is not None:
         blend = float(np.exp(-((speed / stribeck.velocity) ** stribeck.exponent)))
@@ -135,7 +127,7 @@ def _dry(friction: Friction, load: float, direction: float, speed: float | None)
 def _added(
     friction: Friction, load: float, direction: float, speed: float | None, drags: bool
 ) -> float:
-    """Magnitude of the terms that classes have added: what drags, or what is dry (see `_dry`)."""
+    """Magnitude of drag, or of dry friction (see `_dry`), of terms that classes have added."""
     total = 0.0
     for name, term in friction.named_terms.items():
         if name in Friction.model_fields:

@@ -1,10 +1,10 @@
-"""Random trees and linkages of pins in the plane, at rest and in motion, and every mode of them.
+"""Random trees and linkages of pins in the plane, at rest and in motion, and all their modes.
 
     python tests/judges/planar_states.py 1000 2000
 
 Newton and Euler bar by bar in absolute coordinates (`pin_chains.PinChain`), plain NumPy: no
-Pinocchio, no pinfric. Static and kinetic friction are equal and friction contracts, so that one
-acceleration obeys the laws.
+Pinocchio, no pinfric. One acceleration obeys the laws, because static and kinetic friction are
+equal and friction contracts.
 """
 
 import sys
@@ -93,7 +93,7 @@ class Moving:
     def solve(self, mode: np.ndarray) -> np.ndarray:
         """(n, np) friction in modes (n, np): way of slip, 0 where a pin sticks.
 
-        Some pins stick, or all: where not all can be chosen, the friction of least size is.
+        If not all friction of sticking pins can be chosen, that of least size is taken.
         """
         phi, stuck = np.zeros(mode.shape), mode == 0
         matrix = np.where(stuck[:, :, None], self.relative[:, 1:], np.eye(mode.shape[1]))
@@ -134,7 +134,7 @@ class Moving:
 
 
 def random_planar_tree(seed: int, pins: int, connected: bool = False) -> PinChain:
-    """Return bars that hang from the ground or from each other, each by one pin, depth first.
+    """Return bars that hang from the ground or from each other by one pin each, depth first.
 
     `connected`: only the first hangs from the ground.
     """
@@ -170,7 +170,7 @@ def tree_state(seed: int) -> tuple[Moving, np.ndarray]:
 
 
 def loop_state(seed: int) -> tuple[Moving, np.ndarray, np.ndarray | None]:
-    """Return a linkage of one freedom, its torque, and the ends of what holds it where it rests."""
+    """Return a linkage of one freedom, its torque, and the ends of those that hold it at rest."""
     rng = np.random.default_rng([seed, 2])
     chain = random_chain(seed, ONE_FREEDOM[seed % 4], rng.choice([0.1, 0.3, 0.8]), 0.5)
     rest = Moving(chain, np.zeros(len(chain.radius)), np.zeros(1))
@@ -201,7 +201,7 @@ def expected(kind: str, seed: int) -> tuple[Moving, np.ndarray, np.ndarray]:
 
 
 def compare(kind: str, seed: int) -> str:
-    """Return "same", or what pinfric says in place of the one acceleration that obeys the laws."""
+    """Return "same", or what pinfric says instead of the one acceleration that obeys the laws."""
     state, torque, answers = expected(kind, seed)
     if len(answers) != 1:
         return f"the judge finds {len(answers)}"

@@ -1,17 +1,18 @@
-"""Random mechanisms at rest whose static friction exceeds kinetic friction, and all they may do.
+"""Random mechanisms at rest whose static friction exceeds kinetic, and all they may do.
 
     python tests/judges/resting_states.py trees 0 1000
     python tests/judges/resting_states.py all 0 500
 
 Newton and Euler body by body in absolute coordinates, plain NumPy: no Pinocchio, no pinfric. At
-rest accelerations and forces are affine in what acts along the joints' axes,
+rest accelerations and forces are affine in x, the friction and on a geared axis what the gear
+delivers:
 
     r = rate (1, x),     p = force (1, x),     limit_j = kinetic_j sum |p| + dry_j
 
-and x is friction and, on a geared axis, what the gear delivers. Searched are all ways in which
-joints can slip, those with the fewest first: every set that can stick while others move, every
-choice of signs that the loops allow, every line of every gear that moves; by Newton's method, a
-ball's direction from several starts. That all stick is searched by SLSQP from several starts.
+All ways in which joints can slip are searched, those with the fewest first: every set that can
+stick while others move, every choice of signs that the loops allow, every line of every gear that
+moves; by Newton's method, a ball's direction from several starts. Whether all can stick is searched
+by SLSQP from several starts.
 """
 
 from __future__ import annotations
@@ -53,7 +54,7 @@ _NEAR = 1e-5
 
 @dataclass(frozen=True)
 class Resting:
-    """A mechanism at rest; see the module's text.
+    """A mechanism at rest; see the module.
 
     Attributes:
         rate: (n, 1 + n). force: (nt, 3, 1 + n), weighted by the bearing's radius.
@@ -117,7 +118,7 @@ class Answers:
     Attributes:
         rates: (m, n) different accelerations with the fewest slipping joints.
         level: how many slip. use: of the limits where all stick, at the best x found.
-        complete: whether all ways were looked at.
+        complete: whether all ways were searched.
     """
 
     rates: np.ndarray
@@ -219,7 +220,7 @@ def _placed(n: int, at: tuple[int, ...], values: tuple[float, ...]) -> np.ndarra
 def _faces(s: Resting, slips: np.ndarray, rows: np.ndarray, rng: Rng) -> Iterator[np.ndarray]:
     """Yield directions (n,) of motions of every choice of signs; with balls several of each.
 
-    The faces of planes through the origin: next to the lines in which they meet, and by chance.
+    The faces of planes through the origin, at random and next to the lines in which they meet.
     """
     ball = np.bincount(s.joint, minlength=len(s.kinetic)) == 3
     pins = np.flatnonzero(np.isin(s.joint, slips) & ~ball[s.joint])
@@ -625,7 +626,7 @@ def legged(rng: Rng, delta: bool) -> Bodies:
 
 @dataclass(frozen=True)
 class State:
-    """A mechanism at rest, its scene and what drives it, and which rates are its joints'."""
+    """A mechanism at rest, its scene, its drives' input, and which rates are its joints'."""
 
     resting: Resting
     scene: pf.Scene
@@ -644,7 +645,7 @@ def _of_chain(chain: PinChain, torque: np.ndarray, above: float) -> Resting:
 
 
 def _widths(s: Resting, drives: np.ndarray) -> np.ndarray:
-    """(na,) by how much efforts may be off what holds alone: friction's work along each drive."""
+    """(na,) how far efforts may be from those that hold alone: friction's work along each drive."""
     B = orth(s.rate[:, 1:], rcond=_RANK)
     of, L = np.eye(len(s.kinetic))[s.joint], s.above * s.limit(np.zeros((1, len(s.joint))))[0]
     along = B @ np.linalg.pinv(B[drives])
@@ -819,7 +820,7 @@ def compare(kind: str, seed: int) -> tuple[str, object]:
 
 
 def study(kind: str, seeds: range) -> tuple[Counter[str], dict[str, list[int]]]:
-    """Count the outcomes of many states, and say of which seeds those that differ are."""
+    """Count the outcomes of many states, and print the seeds of those that differ."""
     count: Counter[str] = Counter()
     which: dict[str, list[int]] = {}
     for seed in seeds:

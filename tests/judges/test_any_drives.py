@@ -59,7 +59,7 @@ def ram_lever(angle):
 
 
 def power_left(scene, q, v, effort, found):
-    """What drives and friction put in less what goes into motion and height, and the larger."""
+    """Power of drives and friction less that of motion and height, and the larger of the two."""
     moved = v @ pin.rnea(scene.model, scene.model.createData(), q, v, found.a)
     drives, sites = (rates[0] for rates in working_rates(scene, q[None], v[None]))
     given = drives @ np.asarray(effort) + sites @ found.friction
@@ -146,7 +146,7 @@ def test_a_pole_that_hangs_without_friction_needs_no_drive_whatever_its_digits(d
 
 
 def test_a_pole_swung_without_gravity_needs_no_drive_whatever_its_digits():
-    """Rounding is measured by what accelerates, too, not by weights alone."""
+    """Rounding is measured by inertia forces, too, not by weights alone."""
     scene = cart_pole({}).with_(gravity=np.zeros(3))
     q, v = np.array([0.0, 0.4]), np.array([0.5, 3.0])
     a = pf.forward_dynamics(scene, q, v, np.array([5.0])).a
@@ -303,7 +303,7 @@ def test_three_motors_of_a_four_bar_are_what_lstsq_makes_of_one_freedom(kind):
 
 
 def test_what_sharing_leaves_free_moves_no_drive_in_any_basis():
-    """Unknowns that share work, mixed with redundant reactions: each solved in its own space."""
+    """Shares of work mixed with redundant reactions: each is solved in its own space."""
     drives = [{"joint": joint, "share": w} for joint, w in zip("OAC", (1, 3, 0.5), strict=True)]
     plan = make_inverse_plan(four_bar(kind="revolute")[0].with_(actuators=drives))
     tables = plan.drives

@@ -1,7 +1,7 @@
 """The hard cases of `helpers/cases.py` under inverse dynamics: each asserts a number or a property.
 
-Every case is there for a safeguard. Each comment names it and what happens when it is taken out,
-as tried once by editing the source.
+Each comment names the case's safeguard and what happens without it, as tried once by editing the
+source.
 """
 
 from contextlib import nullcontext
@@ -169,7 +169,7 @@ def test_pins_of_radius_zero_have_no_friction():
 
 
 def massless(case):
-    """The same motion of a mechanism without mass: nothing loads its pins but friction itself."""
+    """The same motion of a mechanism without mass: only friction itself loads its pins."""
     model = case.scene.model.copy()
     for joint in range(1, model.njoints):
         model.inertias[joint] = pin.Inertia.Zero()
@@ -196,7 +196,7 @@ def test_no_load_and_no_motion_is_no_effort(moving):
 # Safeguard: a norm at zero has no direction. Without (p / |p| in the Jacobian): NaN where Newton is
 # needed, samples of contraction above 1 come out JAMMED.
 def test_thrust_rings_that_nothing_loads():
-    """In the plane no pin carries a force along its axis: a contact force that is zero for good."""
+    """In the plane no pin carries a force along its axis: that contact force is always zero."""
     friction = pin_friction(1.3, 0.05, thrust_radius=0.02)
     result = turning_four_bar(24, "B", "revolute", friction=friction).inverse()
     assert result.contraction.min() < 1 < result.contraction.max()
@@ -356,7 +356,7 @@ def test_a_ball_that_does_not_turn_is_held_by_its_sphere():
 
 
 def test_the_known_drawer_forces_are_what_bisection_finds():
-    """The closed form that several tests lean on, by another way."""
+    """The closed form that several tests use, by another way."""
     for mu, acceleration in ((0.3, 1.0), (0.6, -7.5)):
         for force in drawer_forces(mu, acceleration):
             load = np.hypot(4.0 * 9.81, 2 * force)

@@ -1,7 +1,7 @@
-"""Fixed point against Newton up to the jam: passes and errors as the drawer's closed form has them.
+"""Fixed point against Newton up to the jam: passes and errors by the drawer's closed form.
 
-F the push, x = -mu c(F) the friction: F = m a - x and c = sqrt(w^2 + (2 F e / L)^2). So each
-pass of the fixed point leaves rate = mu (2 e / L)^2 F / c of the error, below mu / critical mu.
+F the push, x = -mu c(F) the friction: F = m a - x and c = sqrt(w^2 + (2 F e / L)^2). So each pass
+of the fixed point leaves rate = mu (2 e / L)^2 F / c of the error, below mu / critical mu.
 """
 
 import dataclasses
@@ -32,7 +32,7 @@ def of(rows, solver, share=None):
 
 @pytest.fixture(scope="module", autouse=True)
 def _timed_once():
-    """Each solve runs once: what they take is measured by `python benchmarks/coupled.py`."""
+    """Run each solve once: `python benchmarks/coupled.py` measures their times."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(module, "_TIMED_PASSES", 1)
         yield

@@ -268,7 +268,7 @@ def test_couples_that_cannot_be_are_refused(couples: list, message: str) -> None
 
 
 def test_two_motors_that_both_move_both_joints_are_a_differential_wrist() -> None:
-    """Couples both ways are no contradiction while the motors' speeds determine the joints'."""
+    """Couples both ways are allowed while the motors' speeds determine the joints'."""
     scene = pf.Scene(
         _planar(),
         actuators=[
@@ -333,8 +333,8 @@ def _something_holds(
 ) -> bool:
     """Whether efforts u exist, each held by its worm, and friction, that balance gravity.
 
-    A worm of efficiency 0.7 that nothing drives back holds x = u / ratio where the motor's torque
-    lies from 0 to x / 0.7, widened by 0.02 N m: linear for each choice of the signs of x.
+    A worm of efficiency 0.7 that nothing drives back holds x = u / ratio for motor torques from 0
+    to x / 0.7, widened by 0.02 N m: linear for each choice of the signs of x.
     """
     for signs in product((1.0, -1.0), repeat=4):
         rows, bounds = [], []
@@ -380,7 +380,7 @@ def _something_holds(
 def test_coupled_worms_hold_where_something_holds(
     q: tuple[float, ...], torque: tuple[float, ...]
 ) -> None:
-    """Against linear programs; a limit without bound hid what the others cannot hold."""
+    """Against linear programs; an unbounded limit hid what the others cannot hold."""
     most, ratio = np.array([4.0, 5.0, 2.0, 1.0]), np.array([60.0, -60.0, 60.0, -60.0])
     gear = {
         "efficiency": 0.7,

@@ -61,7 +61,7 @@ def line(angle):
 
 
 def needed(q, a):
-    """Force along the cylinder that the motion takes: (I a - m g arm cos q)/(dL/dq)."""
+    """Force along the cylinder that the motion needs: (I a - m g arm cos q)/(dL/dq)."""
     return ((INERTIA + M * ARM**2) * a - M * G * ARM * np.cos(q)) / line(q)[1]
 
 
@@ -141,7 +141,7 @@ def test_a_slide_in_line_with_its_cylinder_stops_and_stays(method, tolerance):
 
 
 def test_power_goes_into_heat_and_motion_alone(tmp_path):
-    """Pushed to and fro through stick and slip, with a pin that rubs, too."""
+    """Pushed to and fro through stick and slip, with friction in a pin, too."""
     scene = boom({"ram": SEAL, "pivot": PIN})
     motion = pf.simulate(
         scene,
@@ -159,7 +159,7 @@ def test_power_goes_into_heat_and_motion_alone(tmp_path):
 
 
 def test_a_cylinder_that_sticks_keeps_its_length_while_the_mechanism_moves_on():
-    """A ram over two joints: it stands, and the arm turns as the fourth bar that it makes says."""
+    """A ram over two joints sticks; the arm moves as the four-bar that it makes then."""
     model, row = with_ground(pin.JointModelRY())
     bar = pin.Inertia(3.0, np.array([0.4, 0.0, 0.0]), np.diag([0.01, 0.2, 0.2]))
     model.appendBodyToJoint(row, bar, pin.SE3.Identity())

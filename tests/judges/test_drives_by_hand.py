@@ -7,8 +7,8 @@
 - 14 hot motors: derating by ambient temperature, overload with time off (S3), stall, winding;
 - 9 examples that makers and textbooks print, to the digits that they print.
 
-Every drive is a row of numbers; the arithmetic stands once below its table, in elementary formulas.
-It shares no code with pinfric, which gets a scene, a motion and a catalogue.
+Every drive is a row of numbers; the arithmetic is below its table, in elementary formulas. It
+shares no code with pinfric, which gets a scene, a motion and a catalogue.
 """
 
 from itertools import pairwise
@@ -366,7 +366,7 @@ DERATED = [
 
 @pytest.mark.parametrize(("rated", "limit", "ambient", "left"), DERATED)
 def test_a_motor_at_its_ambient_temperature(rated, limit, ambient, left):
-    """Copper loss, with the square of the torque, is led off with T_max - T_a."""
+    """Copper loss, with the square of the torque, is dissipated with T_max - T_a."""
     motor = COOL | {"rated_ambient": float(rated), "thermal": HOUSE | {"max_winding": float(limit)}}
     found = hot([(1.0, 0.3), (1.0, 0.1)], motor, ambient=float(ambient))["continuous torque"]
     assert found.available == pytest.approx(0.5 * left, rel=1e-9)
@@ -384,7 +384,7 @@ def test_a_makers_own_derating(ambient, left):
 
 @pytest.mark.parametrize(("tau", "on", "period"), [(20.0, 5.0, 60.0), (600.0, 180.0, 600.0)])
 def test_an_overload_with_time_off(tau, on, period):
-    """S3: T/T_c <= sqrt((1 - e^(-T_p/tau))/(1 - e^(-t_on/tau))), which takes all of the rating."""
+    """S3: T/T_c <= sqrt((1 - e^(-T_p/tau))/(1 - e^(-t_on/tau))) uses all of the rating."""
     allowed = 0.5 * sqrt((1 - exp(-period / tau)) / (1 - exp(-on / tau)))
     motor = COOL | {"thermal_time": tau}
     found = hot([(on, allowed), (period - on, 0.0)], motor)
@@ -430,7 +430,7 @@ AIR = [
 
 @pytest.mark.parametrize(("motor", "joint", "left"), AIR)
 def test_a_motor_that_needs_air_in_a_joint(motor, joint, left):
-    """At what is left of its rating the winding is as hot as it is in free air at the rating."""
+    """At its reduced rating the winding is as hot as in free air at the rating."""
     entry = {
         "torque_constant": 0.1,
         "resistance": 0.8,

@@ -26,7 +26,7 @@ pytestmark = pytest.mark.filterwarnings("ignore::pinfric.errors.PinfricWarning")
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("seeds", [range(12), pytest.param(range(100), marks=pytest.mark.slow)])
 def test_forward_dynamics_says_what_every_line_says(kind, seeds):
-    """One stable answer of all that slip least: it; else a refusal."""
+    """The one stable answer of those with the fewest slips, else a refusal."""
     outcomes = {seed: compare(kind, seed)[0] for seed in seeds}
     assert not {seed: says for seed, says in outcomes.items() if "WRONG" in says}
     assert sum("same" in says for says in outcomes.values()) >= len(seeds) // 3
@@ -45,11 +45,11 @@ def test_forward_dynamics_says_what_every_line_says(kind, seeds):
     ],
 )
 def test_what_locks_beside_what_slips_is_held(kind, seed):
-    """Two gears held what one limit of zero beside one of infinity hid: a = -26 instead of 0.
+    """A limit of zero beside an infinite one hid what two gears hold: a = -26 instead of 0.
 
-    And beside a gear on a line that falls, rates of what sticks were taken away with wrong signs.
-    In two couples three gears wedge two joints; in two they share what they hold in many ways
-    while the third joint slips. A cylinder of rate 5e-17 rests beside its pivot.
+    Beside a gear on a falling line, rates of sticking joints had been subtracted with wrong signs.
+    In two couples three gears wedge two joints; in two they share a load in many ways while the
+    third joint slips. A cylinder of rate 5e-17 rests beside its pivot.
     """
     says, (a, wanted) = compare(kind, seed)
     assert says == "same: 1 answers, 1 stable"
@@ -123,7 +123,7 @@ def test_a_refusal_says_how_many_answers_there_are(kind, seed, many, says):
     [("four-bars", 12, 1), ("five-bars", 31, 2), ("couples", 0, 3), ("arms 60 light", 4, 4)],
 )
 def test_with_the_rotors_that_a_refusal_names_there_is_one_answer(kind, seed, count):
-    """It named one, or inf, where several gears lock. With a little less there is no certainty."""
+    """It named one, or inf, where several gears lock; with smaller rotors nothing is certain."""
     _, error = compare(kind, seed)
     scene, q, v, torque, system = KINDS[kind](
         np.random.default_rng([list(KINDS).index(kind), seed])
@@ -159,7 +159,7 @@ def test_where_no_rotor_is_heavy_enough_it_is_said():
 
 
 def test_more_lines_than_are_tried_leave_it_undecided(monkeypatch):
-    """It said that no acceleration obeys, where one does."""
+    """It had said that no acceleration obeys, where one does."""
     monkeypatch.setattr(gears_module, "_MOST_LINES", 1)
     with pytest.raises(UndecidedAcceleration, match=r"0 in \d modes? tried; .* lines"):
         pf.forward_dynamics(hoist(LIGHT), [0.0], [-0.1], motor_torque=[-15.0 / 50])
@@ -184,7 +184,7 @@ def with_a_shaft(
     v: np.ndarray,
     inertia: float = 1.0,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """A worm whose rotor, of speed w, moves the first of some slides through a shaft that yields.
+    """A worm whose rotor, of speed w, moves the first of some slides through a compliant shaft.
 
     I w' = u(t) - F(t), or w = 0 while F_-(t) <= u <= F_+(t);  M v' = e t - h - friction of slides;
     t = k x + c x', x' = w - v. In small steps; slides keep the direction of their friction until
@@ -265,7 +265,7 @@ def test_the_stable_answer_is_one_that_slips_more_than_another():
     """A worm carries a slide, inclined by 4/5, on which 20 N act that friction (12, 2) cannot hold.
 
     So the slide breaks away, and then the worm does not hold. That the worm alone slips obeys, too:
-    its load would fall so fast that the slide stays. But with I = 1.6, below -eta_b M = 2, this is
+    its load falls so fast that the slide stays. But with I = 1.6, below -eta_b M = 2, this is
     unstable; with the slide free M is 10 - 4.8^2/6 = 6.16, -eta_b M 1.232.
     """
     inertia, u, push, kinetic, static = 1.6, -18.22, 27.088, 2.0, 12.0
@@ -307,7 +307,7 @@ def test_the_stable_answer_is_one_that_slips_more_than_another():
 def test_a_worm_lifts_holds_is_lowered_and_wedges():
     """Event by event: up with (I + M/eta) a = u - n - h/eta, down with u + n - h/eta.
 
-    So it does with a shaft that yields.
+    A compliant shaft does the same.
     """
     row = 1.0 + MASS / 0.4
     up, brake = (256.25 - 1.0 - LOAD / 0.4) / row, (200.0 - 1.0 - LOAD / 0.4) / row
@@ -357,7 +357,7 @@ def test_a_worm_lifts_holds_is_lowered_and_wedges():
     [range(1, 2), *(pytest.param(x, marks=pytest.mark.slow) for x in (range(2), range(2, 24)))],
 )
 def test_time_stepping_jams_where_events_do(kind, seeds):
-    """It had gone on with a jump to rest, and so with any velocity of what is beside it."""
+    """It had gone on with a jump to rest, and with any velocity of the other joints."""
     jams = 0
     for seed in seeds:
         scene, q, v, torque, _ = KINDS[kind](np.random.default_rng(seed))
@@ -384,7 +384,7 @@ def test_time_stepping_jams_where_events_do(kind, seeds):
 
 @pytest.mark.slow
 def test_what_others_hold_does_not_break_away():
-    """Friction is shared anew where a gear reaches its limit: it was said to slip, then to jam."""
+    """Friction is shared anew where a gear reaches its limit: it had slipped, then jammed."""
     scene, q, v, torque, _ = KINDS["five-bars"](np.random.default_rng(1002))
 
     def drive(t, q, v):

@@ -1,7 +1,6 @@
 """A gear as a bearing that its torque loads, against efficiencies of a transmission and by hand.
 
-Their code has nothing in common: this one is a load of the friction problem, those are lines of
-the drive's torque.
+They share no code: one is a load of the friction problem, the other lines of the drive's torque.
 """
 
 from __future__ import annotations

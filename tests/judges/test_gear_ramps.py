@@ -1,7 +1,7 @@
 """When joints break away as motors' torques grow: `simulate` against `inverse_dynamics`.
 
-What holds a robot at rest are the torques between the ends of inverse dynamics, which knows neither
-modes nor guards. So the first slip is when the first torque leaves its interval.
+The first slip is when the first torque leaves the interval of inverse dynamics, which knows neither
+modes nor guards.
 """
 
 import numpy as np
@@ -28,8 +28,8 @@ def first_slip(scene: pf.Scene, q: np.ndarray, torque, enough: float) -> float:
 def ramp(seed: int) -> tuple[float, float]:
     """When a random arm breaks away, by inverse dynamics and by `simulate`.
 
-    Torques begin inside their intervals and leave them one after the other, along straight lines,
-    given as a function or as a table, or along a sine.
+    Torques leave their intervals one after the other, along straight lines, given as a function or
+    as a table, or along a sine.
     """
     scene, rng = geared_arm(seed, locks=(0.15, 0.5)[seed % 2])
     (q,), _, _ = random_states(scene.model, seed, 1)
@@ -71,7 +71,7 @@ FALL = ([0.0, 2.9, 3.0, 10.0], [[0.0], [3.0], [0.0], [-7.0]])
     ],
 )
 def test_a_worm_breaks_away_where_its_motor_pushes_enough(mass, torque, t_end, wanted):
-    """From a state in which it holds whatever the load: the first slip by hand, to 1e-9 s."""
+    """From a state that it holds whatever the load: the first slip by hand, to 1e-9 s."""
     scene = hoist({**WORM, "rotor_inertia": 3.0 / 50**2}, mass)
     found = pf.simulate(scene, [0.0], [0.0], t_end=t_end, motor_torque=torque)
     assert [found.events[0].kind, found.events[0].name] == ["slip", "lift"]
@@ -89,7 +89,7 @@ def test_an_arm_breaks_away_where_inverse_dynamics_ends(seed):
 @pytest.mark.slow
 @pytest.mark.parametrize("first", range(0, 200, 100))
 def test_two_hundred_arms_break_away_where_inverse_dynamics_ends(first):
-    """A thousand did (`range(0, 1000, 100)`): they take five minutes."""
+    """A thousand did (`range(0, 1000, 100)`), in five minutes."""
     late = {}
     for seed in range(first, first + 100):
         wanted, found = ramp(seed)

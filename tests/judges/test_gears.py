@@ -189,7 +189,7 @@ def test_a_worm_lowers_its_load_if_its_rotor_is_heavy_enough_and_else_jams(exces
 def test_worms_side_by_side_are_lowered_at_once(count):
     """Each alone: (I + eta_b M) a = u + n - eta_b h, I = 5, so 3 a = -30 + 1 + 19.62.
 
-    Motor and load push the same way: each holds little and much load and slips between.
+    Motor and load push the same way: each holds small and large loads and slips between.
     """
     lifts = [(f"lift_{k}", pin.JointModelPZ(), lump(10.0)) for k in range(count)]
     model = chain(*lifts, beside=True)
@@ -206,7 +206,7 @@ def test_worms_side_by_side_are_lowered_at_once(count):
 def test_one_of_many_joints_at_rest_slips_whatever_else_rests(count, lowered):
     """Pushed with 10: t = 0.8 10 = 8, 1 kg, friction 1: a = 7. Worms: as those side by side above.
 
-    Beyond eight joints at rest the loads of gears that slip were written over what was found.
+    Beyond eight joints at rest loads of slipping gears overwrote the result.
     """
     kinds = [(pin.JointModelPZ(), 10.0)] * lowered + [(pin.JointModelPX(), 1.0)] * (count - lowered)
     slides = [(f"slide_{k}", kind, lump(mass)) for k, (kind, mass) in enumerate(kinds)]
@@ -234,7 +234,7 @@ def test_one_of_many_joints_at_rest_slips_whatever_else_rests(count, lowered):
 
 
 def test_a_gear_that_may_jam_does_not_hide_how_the_search_ended():
-    """Only where no acceleration was found is the jam itself the finding; else it is added."""
+    """The jam is the error only if no acceleration was found; else it is added."""
     worm = {**WORM, "rotor_inertia": (2.0 - 1e-9) / 50**2}
     ws = Workspace(hoist(worm), motors=True)
     still, down = np.zeros(1), np.array([-0.1])
@@ -310,7 +310,7 @@ def test_a_torque_of_a_motor_needs_a_transmission():
 
 @pytest.fixture(scope="module")
 def ur10():
-    """All its Coulomb friction at the joints, none in the gears: so the states below are hard."""
+    """All its Coulomb friction at the joints, none in the gears, which makes its states hard."""
     scene = pf.load_scene(ROBOTS / "ur10_machine_tending.yaml")
     friction = {
         name: entry.model_copy(update={"coulomb": CoulombFriction(static=1.2 * b, kinetic=b)})
@@ -342,7 +342,7 @@ def test_lines_and_modes_do_not_go_round_in_circles(ur10):
 def test_two_joints_of_which_either_may_break_away_are_ambiguous(ur10):
     """Static friction is 1.2 times kinetic: where pan slips wrist 2 holds, and the other way round.
 
-    The enumeration finds both. That neither is consistent was said beside it.
+    The enumeration finds both; the refusal had also said that neither is consistent.
     """
     arm, solver = ur10
     q = np.array(
@@ -395,9 +395,9 @@ def many(kind, count):
     ("kind", "count"), [("arms", 40), ("ur10", 60), many("arms", 300), many("ur10", 500)]
 )
 def test_every_refusal_of_gears_that_do_not_lock_is_a_true_one(kind, count, ur10):
-    """A sample of what `gear_enumeration.py` does by the ten thousand; answers are compared, too.
+    """A sample of `gear_enumeration.py`; answers are compared, too.
 
-    Where many joints rest the enumeration takes seconds: it then judges refusals only.
+    Where many joints rest the enumeration takes seconds, so it judges refusals only.
     """
     for seed in range(count):
         if kind == "arms":
@@ -415,7 +415,7 @@ def test_every_refusal_of_gears_that_do_not_lock_is_a_true_one(kind, count, ur10
 
 
 def test_many_self_locking_gears_at_rest_move_as_an_enumeration_of_their_lines_says():
-    """A sample of `gear_enumeration.py locking`, of arms of which that takes little time."""
+    """A sample of `gear_enumeration.py locking`, arms for which it is fast."""
     compared = 0
     for seed in range(60):
         scene, arm, q, v, torque = locking_arm(seed)

@@ -1,7 +1,4 @@
-"""Simulations driven by motors through gears that lose: pencil and paper, published curves, energy.
-
-The closed forms are those of `gear_judges`, each derived where it stands.
-"""
+"""Simulations driven by motors through lossy gears: pencil and paper, published curves, energy."""
 
 import numpy as np
 import pytest
@@ -354,7 +351,7 @@ def test_a_scene_says_what_drives_its_simulation():
 
 
 def test_what_one_way_to_hold_leaves_open_is_not_refuted(monkeypatch):
-    """A worm holds little load or much: `held` is False where both are shown not to hold."""
+    """A worm holds small or large loads: `held` is False only if both are shown not to hold."""
     nothing = Verdict(False, np.inf, np.zeros(1), True)
     doubt = Verdict(None, np.inf, np.zeros(1), False)
     bound = Verdict(False, np.inf, np.zeros(1), False)

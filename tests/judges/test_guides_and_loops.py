@@ -150,7 +150,7 @@ def test_the_drawer_pushed_at_its_corner_against_pinfric():
 
 
 def mixed_chain(seed: int) -> Mechanism:
-    """Four bodies in a branching tree, turning and sliding about axes in no special direction."""
+    """Four bodies in a branching tree, turning and sliding about general axes."""
     rng = np.random.default_rng(seed)
     bodies, joints, placed = [], [], [GROUND]
     for k in range(4):

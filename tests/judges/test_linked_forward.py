@@ -64,7 +64,7 @@ def test_forward_dynamics_gives_back_what_inverse_dynamics_was_asked_for(case):
 
 
 def test_a_four_bar_speeds_up_as_newton_and_euler_have_it():
-    """Independent: the crank's torque at the acceleration found, by a program of its own."""
+    """Independent: the crank's torque at the acceleration found, by `planar_newton_euler`."""
     scene, _ = four_bar()
     case = turning_four_bar(8)
     for i, angle in enumerate(case.known["angles"]):
@@ -125,7 +125,7 @@ def test_a_mechanism_at_rest_breaks_away_where_its_interval_ends(name):
 
 
 def test_pins_that_rest_together_are_used_alike():
-    """One freedom: the utilization |friction| / limit of all four is the same, by their rule."""
+    """One freedom: the utilization |friction| / limit of all four is the same (sharing rule)."""
     case = resting_four_bar(3)
     result = case.inverse()
     for i in range(3):
@@ -243,7 +243,7 @@ def test_a_rocker_driven_near_its_toggle_holds_against_any_push(side):
 
 
 def test_a_toggle_with_more_freedoms_is_named():
-    """A parallelogram laid flat: crank and rocker may now go opposite ways."""
+    """A parallelogram laid flat: crank and rocker may now turn in opposite directions."""
     scene = parallelogram()
     with pytest.raises(ToggleError, match=r"wrist.*2 degrees of freedom here and 1 elsewhere"):
         pf.forward_dynamics(scene, np.zeros(3), np.zeros(3), [0.0])

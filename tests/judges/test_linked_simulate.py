@@ -180,7 +180,7 @@ def test_all_that_runs_out_stops_at_once():
 
 
 def test_inverse_dynamics_of_a_simulated_motion_gives_its_efforts_back():
-    """Between events, from samples of the four-bar: what went in comes out."""
+    """Between events, from samples of the four-bar."""
     scene, _ = four_bar(mu=0.2)
     q = scene.close(np.array([0.5, 0.4, 1.5]), ["O"])
     v, _ = consistent_motion(scene, q[None], ["O"], np.array([[2.0]]), np.zeros((1, 1)))

@@ -1,7 +1,8 @@
-"""A four-bar in motion on a gear that locks itself, whose pins rub by their loads: every root.
+"""A four-bar in motion on a self-locking gear, with load-dependent friction of its pins: every
+root.
 
-With what the gear delivers, t, given, the pins' friction is one fixed point; so what the gear's
-rotor leaves of its law, u - I r(t) - F(t), is a function of t alone. Its roots are the
+For a given torque t of the gear the pins' friction is one fixed point, so u - I r(t) - F(t), the
+residual of the gear's law with its rotor, is a function of t alone. Its roots are the
 accelerations, those where it falls are stable.
 """
 
@@ -21,7 +22,7 @@ def roots(moving, k, gear, u):
     way, unit = np.sign(moving.rate), np.eye(len(moving.rate))[k]
 
     def left(t, slope, offset):
-        """What is left of the gear's law at each t, and accelerations."""
+        """The residual of the gear's law at each t, and accelerations."""
         delivered = np.atleast_1d(t)[:, None] * unit
         phi = np.zeros_like(delivered)
         for _ in range(300):

@@ -26,7 +26,7 @@ def at_rest(chain):
 
 
 def too_narrow(found, chain):
-    """How far the ends are from those of all corners, of the widest interval."""
+    """By how much the ends are short of those of all corners, of the widest interval."""
     corners = chain.every_corner()
     low, high = corners.min(axis=0), corners.max(axis=0)
     apart = np.abs([found.effort_lower[0] - low, found.effort_upper[0] - high])

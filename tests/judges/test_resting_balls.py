@@ -9,7 +9,7 @@ import pinfric as pf
 
 @pytest.mark.parametrize("seed", [106, 138, 226])
 def test_a_platform_on_three_balls_breaks_away_as_regularized_friction_says(seed):
-    """Modes that are followed one by one turn in a circle here: no acceleration was found."""
+    """Following modes one by one went in a circle here: no acceleration was found."""
     rng = np.random.default_rng(seed)
     mu, radius = float(rng.uniform(0.05, 0.25)), float(rng.choice([0.006, 0.01, 0.02]))
     scene, guess = three_rrs(mu, radius, float(rng.choice([1.0, 1.2])))

@@ -25,7 +25,7 @@ SAID = "same", "undecided", "others may exist, and do", "not judged"
     ],
 )
 def test_the_acceleration_is_that_with_the_fewest_slips(kind, seeds):
-    """The one that obeys; of several a refusal, or one that says that others may exist."""
+    """The one that obeys; if several do, a refusal or a result that says that others may exist."""
     says = {seed: compare(kind, seed)[0] for seed in seeds}
     assert not {seed: one for seed, one in says.items() if not one.startswith(SAID)}
     assert sum(one.startswith("same") for one in says.values()) >= 0.9 * len(seeds)
@@ -36,7 +36,7 @@ def test_the_acceleration_is_that_with_the_fewest_slips(kind, seeds):
     [37, *(pytest.param(x, marks=pytest.mark.slow) for x in (231, 243, 256, 1051, 233, 252))],
 )
 def test_balls_turn_until_they_face_their_motion(seed):
-    """A ball that its first direction lets stick kept it; three that turned at once did not end.
+    """A ball that stuck in its first direction kept it, and three that turned at once did not end.
 
     So accelerations were off by 1 % or 2e-5, or not the only ones; of 233 and 252 none was found.
     """

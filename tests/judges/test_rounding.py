@@ -1,8 +1,7 @@
 """What another processor's rounding must not decide: events, stops, whether there is a solution.
 
-Another BLAS, another compiler or another order of sums changes states in their last digits. The
-hard cases are therefore simulated again from states that differ by 1e-15, and over times that
-differ as little: the events stay the same.
+Another BLAS, compiler or order of sums changes states in their last digits. So the hard cases are
+simulated again from states, and over times, that differ by 1e-15: the events stay the same.
 """
 
 from contextlib import nullcontext
@@ -151,7 +150,7 @@ def test_time_stepping_takes_no_turning_point_for_a_stop(steps):
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
 @pytest.mark.parametrize("bits", range(20, 53, 2))
 def test_next_to_contraction_1_there_is_one_acceleration_or_none_and_never_two(bits, sign):
-    """|a| = v^2 b / sqrt(1 - b^2) below 1 as far as rounding lets it be known; then none."""
+    """|a| = v^2 b / sqrt(1 - b^2) below 1 as far as rounding can resolve it; then none."""
     b = 1.0 + sign * 2.0**-bits
     known = sign < 0 and bits <= 30
     with nullcontext() if known else pytest.raises(NoConsistentAcceleration):

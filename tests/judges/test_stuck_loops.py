@@ -1,4 +1,4 @@
-"""What sticks stands still, exactly: by every method, at joints of the tree and of loops alike."""
+"""Sticking joints stand still exactly: by every method, joints of the tree and of loops alike."""
 
 import numpy as np
 import pinocchio as pin
@@ -56,7 +56,7 @@ def swinging_five_bar(stuck, cut, method, static=20.0):
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("stuck", ["A", *(pytest.param(s, marks=pytest.mark.slow) for s in "BD")])
 def test_a_stuck_pin_keeps_its_angle_wherever_the_loop_is_cut(stuck, method):
-    """Five-bar: one pin sticks for 2 s, the freedom that is left moves, sticks and slips."""
+    """Five-bar: one pin sticks for 2 s, the remaining freedom moves, sticks and slips."""
     found = []
     for cut in dict.fromkeys([stuck, "O", "C"]):
         motion = swinging_five_bar(stuck, cut, method)
@@ -178,7 +178,7 @@ def loop_frames(scene, q):
 )
 @pytest.mark.parametrize("method", METHODS)
 def test_a_stuck_loop_of_any_kind_keeps_its_frames_together(kind, method):
-    """In space: the loop's joint sticks, a freedom is left and moves."""
+    """In space: the loop's joint sticks, one freedom moves."""
     scene, q, driven = spatial_loop(kind, 0)
     friction = dict.fromkeys(scene.joint_names, coulomb(0.0, 0.3)) | {"loop": coulomb(500.0)}
     scene = pf.Scene(

@@ -63,7 +63,7 @@ def test_an_end_a_millionth_too_narrow_or_too_wide_is_noticed(case, name, change
     "case", [resting_four_bar(2), at_rest(ball_tripod())], ids=["four_bar", "balls"]
 )
 def test_ends_that_the_solver_itself_gets_wrong_are_noticed(monkeypatch, case, factor):
-    """Its solutions then agree with its ends: only limits of one's own tell."""
+    """Its solutions then agree with its ends: only the judge's own limits show it."""
     friction_laws = interval_ends.friction_laws
 
     def wrong_laws(*given):
@@ -98,7 +98,7 @@ def test_a_ball_that_never_slides_where_it_turns_round_is_noticed(monkeypatch):
 
 
 def laws_without(monkeypatch, code, other):
-    """Let sites that rest or reverse have another friction in place of one."""
+    """Replace friction `code` of sites that rest or reverse by their friction `other`."""
     friction_laws = interval_ends.friction_laws
 
     def wrong_laws(*given):
@@ -155,7 +155,7 @@ def test_numbers_that_are_missing_are_noticed():
 
 @pytest.mark.parametrize("kept", [0, 1])
 def test_a_missing_second_solution_is_noticed(monkeypatch, kept):
-    """A braked drawer beyond its critical friction; the other push is never mentioned."""
+    """A braked drawer beyond its critical friction, whose other push is not mentioned."""
     case = decelerating_drawer()
     found = case.inverse()
     both = found.solutions(0)
@@ -214,7 +214,7 @@ def test_a_field_of_an_ambiguous_sample_that_is_a_millionth_off_is_noticed(name)
 
 
 def test_a_robot_without_friction_is_checked():
-    """It ended in a ValueError: a worm hoist of which only the gear rubs."""
+    """A worm hoist with friction only in the gear: it ended in a ValueError."""
     gear = {"ratio": 50.0, "efficiency": 0.4, "back_efficiency": -0.2}
     model = chain(("lift", pin.JointModelPZ(), lump(10.0)))
     scene = pf.Scene(model=model, actuators=[{"joint": "lift", "transmission": gear}])

@@ -1,7 +1,7 @@
 """The judge of inverse dynamics: recomputes every field of a result, sample by sample.
 
-It uses neither the twin nor a compiled kernel: see `judged_sample` (equilibrium),
-`friction_states` (what obeys the laws) and `plain_laws`.
+It uses neither the twin nor a compiled kernel, but `judged_sample` (equilibrium), `friction_states`
+(what obeys the laws) and `plain_laws`.
 """
 
 from __future__ import annotations
@@ -38,15 +38,15 @@ _ARRAYS = (
 class Verdict:
     """Largest residuals over all samples, and the number of wrong statuses.
 
-    All fields are judged, except `reversal` (taken as given: it depends on samples beside those of
-    the result), `iterations`, `redundant`, the size of motor torques (they follow from efforts by
-    the gears' losses), and accelerations of drives off the joints.
+    All fields are judged except `reversal` (taken as given: it depends on samples outside the
+    result), `iterations`, `redundant`, the size of motor torques (they follow from efforts by the
+    gears' losses), and accelerations of drives off the joints.
 
     Attributes:
         equilibrium: |M a + h - J^T f_ext - u - D phi| as an error of u (N m or N).
         friction_law: |phi - law(v, c)| (N m or N).
         wrench: |w - data.f| (N or N m); 0 where no wrench was needed.
-        ends: how far the intervals' ends are from those that the judge finds (N m or N).
+        ends: distance of the intervals' ends from the judge's (N m or N).
         wrong_status: number of samples whose `Status` the judge contradicts: jammed although a
             state of friction obeys the laws, converged although several do.
         wrong_fields: number of samples with another false field: a number where there is no
@@ -96,7 +96,7 @@ Solutions = Callable[[int], tuple[Solution, ...]]
 def judge(result: InverseResult) -> Verdict:
     """Recompute the residuals of a result, its ends and its statuses (see `Verdict`).
 
-    What passes here, passes `result.check()`, too.
+    What passes here also passes `result.check()`.
     """
     verdict = judge_motion(result, result.solutions)
     assert not verdict.passed() or result.check().passed(), result.check()
@@ -271,9 +271,9 @@ def _reference(
 
 
 def _left_by_others(sample: JudgedSample, maps: SampleMaps, states: FrictionStates) -> float:
-    """Narrow the range of friction where it alone balances a joint: D phi = total there.
+    """Narrow the range of friction where it alone balances a joint, D phi = total there.
 
-    Each site has what the others on that joint leave. Returns what friction cannot balance.
+    Each site has what the others on that joint leave. Returns the unbalanced part.
     """
     low, high, D, beyond = states.friction_lower, states.friction_upper, maps.D, 0.0
     for v in sample.scene.mobility.undriven:
@@ -293,7 +293,7 @@ def _ends(
 ) -> float:
     """How far the reported ends of efforts and frictions are from those of the states.
 
-    Where all slides, or states may be missing, solutions have to attain the reported ends.
+    Where all slides, or states may be missing, solutions must attain the reported ends.
     """
     result, i, slides = sample.result, sample.i, all(len(law.options) == 1 for law in laws)
     lower, upper = result.effort_lower[i], result.effort_upper[i]

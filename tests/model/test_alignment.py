@@ -1,4 +1,4 @@
-"""Mechanisms as files round them: what is made parallel, what is refused, what stays the same."""
+"""Mechanisms as files round them: which axes are aligned, what is refused, what stays the same."""
 
 import pickle
 import warnings
@@ -66,7 +66,7 @@ def written(folder, kind, digits, offset="0", more=""):
 
 
 def quietly(make, *args, **more):
-    """What was made, and the warnings drawn."""
+    """The result, and the warnings raised."""
     with warnings.catch_warnings(record=True) as drawn:
         warnings.simplefilter("always")
         made = make(*args, **more)

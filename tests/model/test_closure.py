@@ -109,7 +109,7 @@ def test_full_pivoting_finds_rank_and_dependent_columns():
 
 
 def test_shifted_frames_close_where_they_should():
-    """`rpy` of a side turns its axis: a revolute loop whose frames both lie on their backs."""
+    """`rpy` of a side turns its axis: a revolute loop with both frames upside down."""
     model = grounded_model()
     first = add_link(model, 0, pin.JointModelRX(), pin.SE3.Identity(), "arm", bar(1.0, 0.2))
     add_link(model, first, pin.JointModelRX(), shifted(0.2), "hand", bar(1.0, 0.2))

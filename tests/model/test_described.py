@@ -1,4 +1,4 @@
-"""A field of a result is described once: JSON, table, page, reference and the rest have it."""
+"""A field of a result is described once, and JSON, table, page, reference and the rest have it."""
 
 import dataclasses
 from importlib import import_module

@@ -1,4 +1,4 @@
-"""Effects: which are on, what is left when they are taken out, and what is then not evaluated."""
+"""Effects: which are on, what remains without them, and what is then not evaluated."""
 
 import dataclasses
 
@@ -101,7 +101,7 @@ def test_nothing_kept_is_pinocchios_rnea():
 
 
 def test_each_effect_adds_what_its_formula_says():
-    """One joint at v = 0.2 rad/s: the parts of phi, each by itself."""
+    """One joint at v = 0.2 rad/s: the parts of phi, one by one."""
     model = random_tree(3, 1, sliding=0.0)
     scene = pf.Scene(
         model=model, friction={"joint_1": {**EVERYTHING, "stribeck": {"velocity": 0.2}}}

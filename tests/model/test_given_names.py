@@ -1,4 +1,4 @@
-"""Names of files where a scene, a model or a motion is wanted: the error says how to load them."""
+"""Names of files instead of a scene, a model or a motion: the error says how to load them."""
 
 import re
 from pathlib import Path
@@ -43,7 +43,7 @@ def test_a_scenes_name_is_no_scene(call):
 
 
 def test_every_public_function_of_a_scene_is_asked():
-    """Those whose documentation has an argument `scene`, but results' and solvers' classes."""
+    """Those documented with an argument `scene`, without results' and solvers' classes."""
     taken = set()
     for name in pf.__all__:
         function = getattr(pf, name)

@@ -85,7 +85,7 @@ def test_the_bundled_arm_is_split_and_keeps_what_was_identified():
 
 @pytest.mark.parametrize(("factor", "hertz"), [(1e-3, 0.2), (1.0, None), (3438.0, 500)])
 def test_check_asks_about_frequencies_that_no_robot_has(factor, hertz, tmp_path):
-    """N m/arcmin entered as N m/rad is 3438 times too soft; the other slip as much too stiff."""
+    """N m/arcmin entered as N m/rad is 3438 times too soft; the other mistake as much too stiff."""
     bundled = pf.load_scene("ur10_machine_tending")
     with open(bundled.source) as file:
         content = yaml.safe_load(file)
@@ -113,7 +113,7 @@ def test_without_stiffness_check_finds_nothing_new():
 
 @pytest.mark.parametrize(("arcmin", "unlikely"), [(3.0, False), (5.0, True), (11.0, True)])
 def test_more_hysteresis_than_makers_state_is_asked_about(arcmin, unlikely):
-    """Ratio 30: below 3 arcmin. 11 passed in silence: the warning began at 34."""
+    """Ratio 30: below 3 arcmin. 11 passed: the warning began at 34."""
     gear = actuator(arcmin * ARCMIN).transmission
     said = [line for line in gear.questions() if "hysteresis" in line]
     assert bool(said) == unlikely

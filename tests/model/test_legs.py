@@ -67,7 +67,7 @@ def test_every_verdict_says_that_legs_hang(tmp_path, names, root, hangs):
 
 
 def test_what_is_proposed_lets_the_robot_stand(tmp_path):
-    """The feet bear 7 kg: no force is left at the floating joint."""
+    """The feet bear 7 kg: no force remains at the floating joint."""
     model = read_robot(robot(tmp_path, root="floating"), {}).model
     drives = [{"joint": name} for name in ("left_hip", "RKnee")]
     scene = pf.Scene(model, actuators=drives)

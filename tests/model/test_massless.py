@@ -1,4 +1,4 @@
-"""Joints that move no mass, in every computation: an arm whose gripper's finger weighs nothing."""
+"""Joints that move no mass, in every computation: an arm with a weightless gripper finger."""
 
 import re
 
@@ -62,7 +62,7 @@ def test_which_joints_move_no_mass(finger, options, names):
 
 
 def test_what_a_loop_takes_along_is_no_joint_without_mass():
-    """A piston of 0.8 kg on a crank and a rod without any: with the loop both move it."""
+    """A piston of 0.8 kg on a weightless crank and rod: with the loop both move it."""
     scene = slider_crank([0.3]).scene
     assert massless_joints(scene) == ()
     assert massless_joints(scene.with_(loops=(), actuators=None)) == ("crank", "rod")
@@ -87,7 +87,7 @@ def test_efforts_do_not_depend_on_it():
 @pytest.mark.parametrize("finger", [None, point([0, 0, 0])])
 @pytest.mark.parametrize("method", ["event", "timestepping", "regularized"])
 def test_it_is_held_where_it_starts(method, finger):
-    """The shoulder swings as the same arm in which `grip` is fixed."""
+    """The shoulder swings as in the same arm with `grip` fixed."""
     scene = arm(finger)
     with pytest.warns(PinfricWarning, match="grip moves no mass: held at the start position"):
         motion = pf.simulate(scene, [0.3, 0.7], [1.0, 5.0], [0.5, 0.25], 0.5, method)

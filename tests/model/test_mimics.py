@@ -1,4 +1,4 @@
-"""Mimic joints against a projection of the robot without them, and joints that are locked."""
+"""Mimic joints against a projection of the robot without them, and locked joints."""
 
 import itertools
 import re
@@ -29,7 +29,7 @@ def hinge(name, parent, child, kind, axis, mimic=""):
 
 
 def random_mimics(seed):
-    """A random tree whose joints follow one another in chains; what each follows, k and o."""
+    """A random tree whose joints follow one another in chains; each joint's leader, k and o."""
     rng = np.random.default_rng(seed)
     names = [str(name) for name in rng.permutation(list("abcdefgh"))]
     parts, laws, links = [], {}, ["base"]
@@ -151,7 +151,7 @@ def test_a_follower_of_what_stands_stands_at_its_offset(tmp_path, leader, law, w
 
 @pytest.mark.parametrize("seed", range(8))
 def test_locked_joints_are_those_of_a_reduced_model(tmp_path, seed):
-    """Against `pin.buildReducedModel`: another place where joints become fixed."""
+    """Against `pin.buildReducedModel`, where joints become fixed elsewhere."""
     parts, _, rng = random_mimics(seed)
     file = urdf(tmp_path, *(re.sub("<mimic[^>]*/>", "", part) for part in parts))
     model = read_robot(file, {}).model

@@ -1,4 +1,4 @@
-"""URDFs that cannot be, and what a scene makes of those that can."""
+"""Impossible URDFs, and the scenes of possible ones."""
 
 import numpy as np
 import pinocchio as pin

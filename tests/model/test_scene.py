@@ -1,4 +1,4 @@
-"""A scene does not change: a model that does is noticed, changed scenes are made by `with_`."""
+"""Scenes are immutable: a changed model is noticed, `with_` makes changed scenes."""
 
 import copy
 import pickle
@@ -230,7 +230,7 @@ def test_mimic_joints_are_not_sent_to_other_processes():
 
 
 def test_loops_made_in_code_close_near_their_start():
-    """The two ways to assemble a four-bar: each start gives the one nearest to it."""
+    """Two ways to assemble a four-bar: each start gives the nearest."""
     scene, joints = four_bar()
     angles = np.array([[0.9, 0.4, 1.6], [0.9, -0.9, -1.9]])  # crank, coupler, rocker
     q = [scene.close(joints(guess), ["O"]) for guess in angles]

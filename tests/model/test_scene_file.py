@@ -1,4 +1,4 @@
-"""Scene files: found by name, and refused where they do not fit their robot."""
+"""Scene files: found by name, and refused if they do not fit their robot."""
 
 import warnings
 

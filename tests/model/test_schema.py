@@ -1,4 +1,4 @@
-"""The scene reader: what it accepts, what it refuses, and that it never does anything else."""
+"""The scene reader: what it accepts and refuses, and that nothing else happens."""
 
 import pytest
 import yaml
@@ -85,7 +85,7 @@ efficiency: {rated: 0.8, load: 1.0, lode: 1.0}     `efficiency.lode`; there are:
 
 @pytest.mark.parametrize(("entry", "says"), table(GIVEN, yaml.safe_load, str))
 def test_what_is_given_already_cannot_have_been_meant(entry, says):
-    """The key that was meant is there already, and is not offered."""
+    """A key that is there already is not suggested."""
     with pytest.raises(SceneError, match=says):
         parse(Transmission, {"ratio": 10, **entry}, "x")
 

@@ -1,4 +1,4 @@
-"""Springs and hoses of a scene: closed forms, the gradient of their potential, what is refused."""
+"""Springs and hoses of a scene: closed forms, the gradient of their potential, refusals."""
 
 import numpy as np
 import pinocchio as pin
@@ -203,7 +203,7 @@ def test_the_seal_of_a_gas_spring_rubs_along_its_line(way):
     ("spring", "site"), [(TORSION, "arm"), (PULL, "arm"), (GAS, "arm"), (GAS, "rod")]
 )
 def test_friction_holds_a_spring_up_to_its_limit_and_not_beyond(spring, site, beyond):
-    """What friction must bear at q = 0.5 is what weight and spring leave, by the closed forms."""
+    """At q = 0.5 friction bears the difference of weight and spring, by the closed forms."""
     q = np.array([0.5])
     torque = {"torsion": -7.0 * q, "tension": tension(q), "gas": gas(q)}[spring["kind"]]
     left = abs(float((MASS * G * LEVER * np.cos(q) + torque)[0]))

@@ -1,4 +1,4 @@
-"""Stiffness lines against makers' printed figures, and what cannot be."""
+"""Stiffness lines against makers' printed figures, and refusals."""
 
 import numpy as np
 import pinocchio as pin

@@ -1,4 +1,4 @@
-"""Parts of a model, each by itself."""
+"""Parts of a model, one by one."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""What every computation says of a robot's mass as a whole, by rods on a way that is known."""
+"""Doubts about a robot's mass as a whole, by rods on a known way."""
 
 import re
 
@@ -45,7 +45,7 @@ def test_mass_over_the_way_cubed(mass, length, says, impossible):
 
 
 def test_the_way_is_that_of_the_file_with_what_is_fixed(tmp_path):
-    """0.3 m to the second joint, past a corner 0.5 m, 0.2 m to the flange; the pedestal is not."""
+    """0.3 m to the second joint, past a corner 0.5 m, 0.2 m to the flange; without the pedestal."""
     links = "".join(f'<link name="{name}"/>' for name in "abcd")
     text = "".join(
         f'<joint name="{parent}{child}" type="{kind}"><parent link="{parent}"/>'

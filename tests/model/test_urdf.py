@@ -1,4 +1,4 @@
-"""URDFs that cannot be, or that other programs take."""
+"""URDFs that are impossible, or that other programs accept."""
 
 import copy
 
@@ -184,7 +184,7 @@ def test_an_infinite_limit_is_none(tmp_path, limitless):
 
 
 def test_a_body_that_the_model_lost_is_an_error(tmp_path, monkeypatch):
-    """As urdfdom does where it cannot read a number: the other links stay."""
+    """urdfdom drops a body whose number it cannot read, and keeps the other links."""
     built = robot._from_xml
 
     def losing(root):

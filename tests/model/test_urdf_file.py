@@ -1,4 +1,4 @@
-"""Files a robot is read from: xacro with and without its extra, and what is no URDF."""
+"""Robot files: xacro with and without its extra, and files that are no URDF."""
 
 import re
 
@@ -60,7 +60,7 @@ GRIPPER = f"""<robot {NAMESPACE}><link name="$(arg grip)"/>
 
 @pytest.fixture
 def gripped(arm):
-    """The arm with what another package gives it, and an argument without default."""
+    """The arm with another package's gripper, and an argument without default."""
     found = '<xacro:include filename="$(find gripper)/grip.xacro"/>'
     arm.write_text(ARM.replace('<link name="base"/>', f'<link name="base"/>{found}'))
     return arm

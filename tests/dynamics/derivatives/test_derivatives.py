@@ -29,7 +29,7 @@ MODES = {"slip": slice(0, 0), "mixed": slice(None, None, 2), "rest": slice(None)
 
 
 def arm(seed):
-    """The bodies and joints of a random tree, one behind the other.
+    """The bodies and joints of a random tree, as one chain.
 
     Pinocchio's derivatives and mass matrix are wrong where joints are not numbered depth first.
     """
@@ -64,7 +64,7 @@ def scene_of(seed, *, base=False, geared=True, mild=1.0, worm=True):
 
 
 def panda():
-    """A finger mimics the other, and the hand carries a payload."""
+    """One finger mimics the other, and the hand carries a payload."""
     scene = pf.load_scene("panda")
     urdf = example_robot_data() / "panda_description/urdf/panda.urdf"
     model = pin.buildModelFromUrdf(str(urdf), mimic=True)
@@ -92,7 +92,7 @@ def quotients(f, model, state, steps):
 def assert_close(found, f, model, state, tolerance, free=None, steps=(1e-3, 2e-4, 2e-5)):
     """Blocks (3, k, ...) against the best of some differences.
 
-    Wide steps err where laws bend, and short ones by the rounding of f, which is allowed for.
+    Wide steps err where laws bend, short ones by the rounding of f, which is allowed for.
     """
     rounding = 4e-16 * np.abs(f(*state)).reshape(len(found[0]), -1).max(axis=1) / min(steps)
     judges = list(quotients(f, model, state, steps))
@@ -195,7 +195,7 @@ RARE = {
 @pytest.mark.parametrize("follows", [1.0, -0.7])
 @pytest.mark.parametrize("case", RARE.values(), ids=RARE)
 def test_what_random_arms_seldom_meet(case, follows):
-    """Each beside a coupled drive, and of a joint that follows another."""
+    """Each beside a coupled drive, and a joint that follows another."""
     friction, gear, speed = case
     model = chain(
         ("a", pin.JointModelPX(), lump(2.0, (0.1, 0.2, 0.1))),

@@ -1,4 +1,4 @@
-"""The guide's trajectory optimization: fewer losses, and torques that bring the tip to its goal."""
+"""The guide's trajectory optimization: fewer losses, and torques that reach the tip's goal."""
 
 import re
 import subprocess

@@ -40,7 +40,7 @@ def assert_linear(found, k, before, after, step):
 def test_coefficients_against_another_scene(seed, moving):
     """Static ones grow and kinetic ones shrink, so that static stays the larger.
 
-    At rest a gear that locks itself has its torque at another corner, so there is none.
+    At rest a self-locking gear has its torque at another corner, so it has no derivative.
     """
     scene = scene_of(seed, worm=moving)
     state = [x[0] for x in random_states(scene.model, seed, 1)]

@@ -55,7 +55,7 @@ def test_joint_effort_is_what_the_header_feeds_forward(headers):
 
 
 def legs(seed=3):
-    """A floating base with two legs of two joints, which rub under load, and gears that lose."""
+    """A floating base with two legs of two joints with friction by load, and lossy gears."""
     rng, model = np.random.default_rng(seed), pin.Model()
     base = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "base")
     model.appendBodyToJoint(base, random_inertia(rng), pin.SE3.Identity())
@@ -77,7 +77,7 @@ def legs(seed=3):
 
 
 def test_measured_states_of_legs_are_compensated_under_the_feets_forces():
-    """The base balances nothing here: no motion that its drives could make is asked for.
+    """The base balances nothing: no motion is asked for that its drives could make.
 
     Judge: the same robot with six drives more, whose base `inverse` balances.
     """

@@ -10,7 +10,7 @@ CRANK, ROD = 0.05, 0.15
 
 
 def crank_at(scene: pf.Scene, offset: float, back: bool) -> np.ndarray:
-    """The bundled slider-crank so far (rad) from its outer or inner dead centre."""
+    """The bundled slider-crank at an angle (rad) from its outer or inner dead centre."""
     model, q = scene.model, np.zeros(scene.model.nq)
     crank = offset + np.pi * back
     rod = -np.arcsin(CRANK * np.sin(crank) / ROD) - crank
@@ -27,7 +27,7 @@ def crank_at(scene: pf.Scene, offset: float, back: bool) -> np.ndarray:
 def test_inverse_holds_forward_and_simulate_agree_about_what_a_crank_holds(offset, back):
     """The guide's friction at its dead centre moves nothing, but it loads the pins.
 
-    So it counts for what they hold: the outer 9 % of the interval were said not to hold.
+    Without it the outer 9 % of the interval were said not to hold.
     """
     scene = pf.load_scene("slider_crank")
     q, still = crank_at(scene, offset, back), np.zeros(3)
@@ -45,7 +45,7 @@ def test_inverse_holds_forward_and_simulate_agree_about_what_a_crank_holds(offse
 
 
 def bars_at(offset: float, stretched: bool, way: int) -> np.ndarray:
-    """The bars' angles of a four-bar whose crank and coupler are so far (rad) from one line."""
+    """The bars' angles of a four-bar with crank and coupler at an angle (rad) from one line."""
     crank, coupler, rocker = LENGTHS.values()
     reach = coupler + crank if stretched else coupler - crank
     along = (reach**2 + GROUND**2 - rocker**2) / (2.0 * reach * GROUND)

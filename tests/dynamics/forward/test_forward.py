@@ -35,7 +35,7 @@ G = 9.81
 
 
 def gentle(friction: dict) -> dict:
-    """The random friction with a fifth of the coefficients: random guides jam otherwise."""
+    """The random friction with a fifth of the coefficients, so that random guides do not jam."""
     for entry in friction.values():
         entry["mu"] = {key: 0.2 * value for key, value in entry["mu"].items()}
     return friction
@@ -262,7 +262,7 @@ def test_beyond_it_a_torque_has_no_solution_or_two_from_a_threshold_on():
 
 
 def test_wrenches_from_outside_that_name_no_frame_are_refused_in_one_line():
-    """Arrays have no truth value: NumPy's error was raised."""
+    """NumPy's error on the truth value of an array had been raised."""
     scene = pf.load_scene("pendulum")
     with pytest.raises(pf.PinfricError, match="external: should be a mapping"):
         pf.forward_dynamics(scene, [0.0], [0.0], [0.0], external=np.ones(6))
@@ -271,7 +271,7 @@ def test_wrenches_from_outside_that_name_no_frame_are_refused_in_one_line():
 
 
 def test_at_rest_a_body_without_load_is_held_by_the_load_of_its_own_drive():
-    """No gravity: the pin's load is m l |a|, a body at rest has none, any effort moves it."""
+    """No gravity: the pin's load is m l |a|, 0 at rest, so any effort moves the body."""
     instant = pf.forward_dynamics(pinned_body(0.5), [0.0], [0.0], [1.0])
     assert instant.a[0] == pytest.approx(1.0 / 1.5, rel=1e-12)  # J a = u - b J |a|
     with pytest.raises(NoConsistentAcceleration):  # static < kinetic cannot be entered; b > 1 can
@@ -388,7 +388,7 @@ def test_a_preload_brakes_with_and_without_other_loads(bearing):
 
 @pytest.mark.parametrize("seed", range(20))
 def test_joints_that_nothing_pushes_do_not_accelerate_beside_sticking_ones(seed):
-    """Without gravity, at rest, pushed where friction holds alone: M a = 0, to the last digit."""
+    """Without gravity, at rest, pushed where friction holds alone: M a = 0 exactly."""
     model, rng = random_tree(seed, joints=6), np.random.default_rng(seed)
     model.gravity.linear = np.zeros(3)
     dry = rng.random(6) < 0.5
@@ -406,7 +406,7 @@ def test_joints_that_nothing_pushes_do_not_accelerate_beside_sticking_ones(seed)
 
 
 def test_a_batch_is_its_states_one_by_one():
-    """The motion is that of inverse dynamics, which has a path of its own."""
+    """Inverse dynamics, which has its own code, gives the motion back."""
     scene = pf.load_scene("ur10_machine_tending")
     rng = np.random.default_rng(3)
     q, v, a = rng.normal(size=(3, 6, scene.model.nv))
@@ -470,7 +470,7 @@ def test_the_verdict_does_not_depend_on_what_rests_elsewhere(others):
 
 @pytest.mark.parametrize("neighbours", ["loops", "locking gears"])
 def test_neither_loops_nor_locking_gears_nearby_change_the_verdict(neighbours):
-    """Beside three four-bars (twelve pins), or eight gears that lock: as the two sliders alone."""
+    """Beside three four-bars (twelve pins), or eight locking gears: as the two sliders alone."""
     two, (bars, angles) = two_on_one_mass(0), four_bar(static=0.4, gravity=(0.0, 0.0, 0.0))
     if neighbours == "loops":
         scene = beside(two, *[bars] * 3)
@@ -501,7 +501,7 @@ def test_neither_loops_nor_locking_gears_nearby_change_the_verdict(neighbours):
 
 @pytest.mark.parametrize(("static", "seed"), [(1.0, 3), (1.3, 3), (1.3, 4), (1.3, 17)])
 def test_more_joints_than_are_enumerated_have_the_fewest_slips(static, seed, monkeypatch):
-    """Ten sliders one behind the other, against every set of them that may slip."""
+    """Ten sliders in a chain, against every set of them that may slip."""
     n, body = 10, lump(1.0)
     links = [(f"s{i}", pin.JointModelPX(), body) for i in range(n)]
     scene = pf.Scene(

@@ -23,7 +23,7 @@ from pinfric.errors import StateError
 
 
 def best_of_many_starts(scene, q, effort, rng, starts=6):
-    """Least max |x_k| / limit_k by SLSQP on the whole problem; shares nothing with `holding`."""
+    """Least max |x_k| / limit_k by SLSQP on the whole problem, with no code of `holding`."""
     ws = Workspace(scene)
     ws.assemble(q, np.zeros(scene.model.nv), np.asarray(effort, dtype=float))
     p, n = ws.problem, len(ws.problem.rate_free)
@@ -102,7 +102,7 @@ def test_no_search_finds_a_stick_where_there_is_none_and_sticks_are_sticks(pins,
 @pytest.mark.filterwarnings("ignore::pinfric.PinfricWarning")
 @pytest.mark.parametrize(("seed", "pins", "strong"), [(10_532, 4, False), (12_020, 5, True)])
 def test_what_holds_is_held_where_its_friction_is_no_fixed_point(seed, pins, strong):
-    """Passes that share friction run away there; that says nothing of another friction."""
+    """Passes that share friction diverge there, which says nothing of another friction."""
     rng = np.random.default_rng(seed)
     scene, q = random_chain(rng, pins, strong)
     balance, push = near_the_limit(rng, scene, q)
@@ -146,9 +146,9 @@ def test_three_cuts_one_verdict(count):
 @pytest.mark.filterwarnings("ignore:.*radius:pinfric.PinfricWarning")
 @pytest.mark.parametrize("seed", [17, 51])
 def test_a_five_bar_breaks_away_where_no_stick_is_left(seed):
-    """A ramp on states in which a search from one start ends above the limits although one holds.
+    """A search from one start ends above the limits on a ramp's states although one holds.
 
-    The end by bisection of the verdict, the least use of it by SLSQP, and the simulated break-away.
+    Judges: bisection of the verdict, its least use by SLSQP, and the simulated break-away.
     """
     rng = np.random.default_rng(2)
     for _ in range(seed + 1):
@@ -195,7 +195,7 @@ def test_four_pins_of_one_freedom_are_used_alike_and_the_interval_ends_at_use_1(
 
 @pytest.mark.parametrize("decades", [0, 3, 6, 9, 12])
 def test_a_small_limit_counts_beside_a_large_one(decades):
-    """A hoist with a self-locking gear and a pan do not touch: the pan needs 0.05 of 0.03 N m."""
+    """A hoist with a self-locking gear beside an uncoupled pan that needs 0.05 of 0.03 N m."""
     model = grounded_model((0.0, 0.0, -G))
     add_link(model, 0, pin.JointModelPZ(), shifted(0.0), "hoist", bar(10.0**decades, 0.3))
     add_link(model, 0, pin.JointModelRZ(), shifted(2.0), "pan", bar(1.0, 0.1))
@@ -212,7 +212,7 @@ def test_a_small_limit_counts_beside_a_large_one(decades):
 
 
 def decided_like_the_judge(seed):
-    """Whether a random mechanism holds: pinfric's use is that of the exact program."""
+    """Whether pinfric's use of a random mechanism is that of the exact program."""
     case = random_mechanism(seed)
     found = pf.holds(case.scene, case.q, motor_torque=case.effort)
     least = least_use(case)
@@ -313,7 +313,7 @@ def test_bad_input_is_named():
 
 
 def test_wrenches_from_outside_count_where_balls_rest_too():
-    """It holds where forward dynamics stays; that nothing does is proved where it moves, by far."""
+    """It holds where forward dynamics stays; where it moves by far, holding is disproved."""
     case = ball_tripod()
     q, still = case.q[0], 0 * case.v[0]
     result = pf.inverse_dynamics(case.scene, q[None], still[None], still[None])
@@ -333,7 +333,7 @@ def test_wrenches_from_outside_count_where_balls_rest_too():
 
 @pytest.mark.parametrize("seed", range(6))
 def test_that_no_friction_of_balls_holds_is_proved_only_where_none_does(seed):
-    """Pushed ever harder: the bound lies below the use of the friction that holds, and near it."""
+    """Pushed ever harder: the bound is below the use of the friction that holds, and near it."""
     base, rng = pf.load_scene("delta"), np.random.default_rng(seed)
     q = pf.load_trajectory("delta.waypoints.yaml", base).q[rng.integers(300)]
     still = np.zeros((1, base.model.nv))

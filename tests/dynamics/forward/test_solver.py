@@ -110,7 +110,7 @@ def slider_crank():
 
 
 def states(scene, seed):
-    """Moving samples, then the same with every second joint, and with all of them, at rest."""
+    """Moving samples, then the same with every second joint, and with all joints, at rest."""
     q, v, a = random_states(scene.model, seed, 12)
     v[4:8, ::2], v[8:] = 0.0, 0.0
     return q, v, a
@@ -182,7 +182,7 @@ def test_forward_is_that_of_one_instant(scene, q, v, a):
 
 
 def test_the_plan_of_a_robot_with_leg_drives_only_is_kept(monkeypatch):
-    """Its base falls freely; the first call makes the plan, which takes hundreds of `pin.rnea`."""
+    """Its base falls freely; the first call makes the plan by hundreds of `pin.rnea`."""
     legs = random_tree(3, 4, sliding=0.0)
     model = floating(legs)
     names = [{"joint": name} for name in list(model.names)[2:]]
@@ -200,7 +200,7 @@ def test_the_plan_of_a_robot_with_leg_drives_only_is_kept(monkeypatch):
 
 @pytest.mark.parametrize(("scene", "q", "v", "a"), EVERY, ids=IDS)
 def test_wrenches_from_outside_are_those_of_batches(scene, q, v, a):
-    """On the first and the last link; the next call without them knows nothing of them."""
+    """On the first and the last link; the next call without them does not see them."""
     force = 3.0 * np.random.default_rng(8).normal(size=(2, 6))
     if scene.linkage is not None:  # its guides have no width: no moment about their axis
         force[:, 3:] = 0.0
@@ -506,7 +506,7 @@ def test_a_workspace_that_was_lent_before_is_as_new():
 
 
 def test_a_refusal_names_the_joint_whose_load_grows_most():
-    """Beside the rod slides a drawer whose load grows, too, but at next to no friction."""
+    """Beside the rod slides a drawer whose load grows, too, but almost without friction."""
     case = painleve_rod(1.4, np.arctan(2.0))
     model = case.scene.model.copy()
     drawer = model.addJoint(0, pin.JointModelPX(), pin.SE3.Identity(), "drawer")
@@ -612,7 +612,7 @@ for (scene, q, v, a), name in zip(test_solver.EVERY, test_solver.IDS, strict=Tru
 
 @pytest.mark.slow
 def test_no_kernel_is_compiled_or_interpreted_after_a_solver_is_made():
-    """With all its patience, in a process of its own: what other tests called is not there."""
+    """In a process of its own, without calls of other tests."""
     tests = Path(__file__).parents[2]
     done = subprocess.run(
         [
@@ -648,7 +648,7 @@ print(len(set().union(*(_reached(made.py_func) for made in _KERNELS.values() if 
 
 @pytest.mark.slow
 def test_a_solver_compiles_no_more_kernels_than_its_budget():
-    """After a change: another number here, and the commit says what one more bought."""
+    """A commit that changes the number says what it bought."""
     done = subprocess.run(
         [sys.executable, "-c", ARE_REACHED], capture_output=True, text=True, check=True
     )
@@ -657,7 +657,7 @@ def test_a_solver_compiles_no_more_kernels_than_its_budget():
 
 @pytest.mark.parametrize("index", range(len(EVERY)), ids=IDS)
 def test_a_solver_of_other_friction_is_that_of_a_new_scene(index):
-    """The old one stays as it is, and both may be called in turn."""
+    """The old one is unchanged, and both may be called in turn."""
     scene, q, v, a = EVERY[index]
     solver = scene.solver()
     friction = {n: f.scaled(1.3) for n, f in list(scene.friction.items())[1:]}
@@ -682,7 +682,7 @@ def test_a_solver_of_other_friction_is_that_of_a_new_scene(index):
 
 
 def test_other_coefficients_need_no_new_tables(monkeypatch):
-    """Neither kernels nor workspaces nor a checked scene are made; another bearing needs them."""
+    """No kernels, workspaces or checked scene are made; another bearing needs them."""
     scene = pf.load_scene("ur10_machine_tending")
     solver, friction = scene.solver(), {n: f.scaled(0.9) for n, f in scene.friction.items()}
     state = np.zeros(6), np.full(6, 0.3), np.ones(6)

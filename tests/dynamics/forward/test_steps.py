@@ -1,4 +1,4 @@
-"""Steps of forward dynamics, each by itself."""
+"""Steps of forward dynamics, one by one."""
 
 import pickle
 import threading
@@ -85,7 +85,7 @@ def test_threads_and_pickles_have_workspaces_of_their_own():
 
 
 def test_the_last_solution_is_no_guess_where_there_may_be_several(monkeypatch):
-    """Newton's method found another of them from it; a search starts from the state alone."""
+    """Newton's method found another solution from it; a search depends on the state alone."""
     scene = sliding_block(plane_friction(0.35, 0.3), 0.5)
     ws, guesses = Workspace(scene), []
     seek = Workspace.search

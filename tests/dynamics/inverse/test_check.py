@@ -1,4 +1,4 @@
-"""What `result.check()` notices; what only `tests/judges` does is in `judges/test_verdict.py`."""
+"""Errors that `result.check()` notices; `judges/test_verdict.py` has those of the judge alone."""
 
 from dataclasses import replace
 
@@ -76,7 +76,7 @@ def test_a_figure_that_is_a_millionth_off_is_noticed_where_it_is(name):
 
 
 def test_a_solver_that_errs_by_a_millionth_is_noticed(monkeypatch):
-    """It then repeats its error where a sample is solved again: only the equations tell."""
+    """It repeats its error where a sample is solved again: only the equations show it."""
     friction_laws, loop_wrenches = interval_ends.friction_laws, linkage.loop_wrenches
 
     def wrong_laws(*given):

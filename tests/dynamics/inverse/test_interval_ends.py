@@ -226,7 +226,7 @@ def test_inside_the_interval_at_rest_sliding_solutions_tend_to_its_ends():
 
 
 def test_single_flips_find_what_enumeration_finds(monkeypatch):
-    """Ten pins at rest: with neither enumeration nor branch and bound the result says so."""
+    """Ten pins at rest: without enumeration and branch and bound the result says so."""
     case = four_bars_in_a_row(radius=0.03)
     exact = case.inverse()
     assert exact.sticking.all()
@@ -271,8 +271,8 @@ def test_a_reversing_pins_interval_holds_sliding_and_both_limits():
 def test_a_small_pins_two_limits_are_two_solutions_beside_a_large_one(large, small):
     """The boom slides in a pin of large friction while the stick rests in one of little.
 
-    Compared by the largest friction, the stick's two limits were one solution: the interval's
-    other end was then none that `check` could find (1.49 N of 1.4e6 N in the first case).
+    Compared by the largest friction, the stick's two limits were one solution, and `check` could
+    not find the interval's other end (1.49 N of 1.4e6 N in the first case).
     """
     excavator = pf.load_scene("excavator")
     dry = {"boom_pin": large, "stick_pin": small}
@@ -312,9 +312,9 @@ def test_the_interval_encloses_a_third_solution(cut):
 
 @pytest.mark.parametrize("most", [2_000, pytest.param(MOST_PASSES, marks=pytest.mark.slow)])
 def test_the_search_for_ends_stops_at_its_bound_and_says_so(most, monkeypatch):
-    """Three balls at rest whose friction turns for ever where loads grow with it, contraction 2.5.
+    """Three balls at rest whose friction turns for ever, as loads grow with it: contraction 2.5.
 
-    Drawn among random states of the delta robot.
+    Found among random states of the delta robot.
     """
     for module in (interval_ends, linkage):
         monkeypatch.setattr(module, "MOST_PASSES", most)
@@ -334,7 +334,7 @@ def test_the_search_for_ends_stops_at_its_bound_and_says_so(most, monkeypatch):
 
 @pytest.mark.filterwarnings("ignore:.*undecided")
 def test_passes_from_many_starts_count_towards_the_bound(monkeypatch):
-    """Eight sites, two of them balls: 64 searches in one call, 24 s, before the bound was seen."""
+    """Eight sites, two of them balls: 64 searches in one call took 24 s before they counted."""
     for module in (interval_ends, linkage):
         monkeypatch.setattr(module, "MOST_PASSES", 20_000)
     scene, q, _ = two_ball_loops(0)

@@ -1,4 +1,4 @@
-"""Inverse dynamics against closed forms, Pinocchio, and what must always hold."""
+"""Inverse dynamics against closed forms, Pinocchio, and invariants."""
 
 import pickle
 

@@ -384,7 +384,7 @@ def test_a_geared_cylinder_has_its_own_velocity_and_acceleration():
 
 
 def test_balls_reverse_with_the_arms_that_turn_them():
-    """A delta's arms turn back between two samples: its balls, whose axes differ, do so, too."""
+    """A delta's arms, and with them its balls, whose axes differ, reverse between two samples."""
     scene = pf.load_scene("delta")
     arms = ["arm_1", "arm_2", "arm_3"]
     columns = [scene.joint_names.index(name) for name in arms]

@@ -40,7 +40,7 @@ def test_stick_intervals_and_dataframe():
 
 
 def test_repr_offers_what_a_result_without_times_can_do():
-    """Its `summary()` raises: no offer of it, and no table in a notebook."""
+    """Its `summary()` raises, so it is not offered, and a notebook shows no table."""
     result = pf.inverse_dynamics(pf.load_scene("pendulum"), [[0.1]], [[1.0]], [[0.0]])
     offers = [word for word in repr(result).split() if word.startswith(".")]
     assert offers == [".to_dataframe()", ".check()"]
@@ -82,7 +82,7 @@ def test_constant_friction_computes_no_reactions(monkeypatch):
 
 
 def test_what_drives_deliver_of_joints_efforts_is_made_once_for_a_scene():
-    """It took a tenth of `Solver.inverse`; scenes that share a twin have each their own."""
+    """It took a tenth of `Solver.inverse`; scenes that share a twin have one each."""
     model = random_tree(0, 3)
     last = tuple(model.names)[-1]
     pair = [{"joint": last, "name": name, "share": 1.0} for name in ("left", "right")]

@@ -27,7 +27,7 @@ def tree(seed, joints=7):
 
 
 def columns(model, q):
-    """M by Pinocchio's RNEA, column by column, which any numbering of the joints allows."""
+    """M by Pinocchio's RNEA, column by column, for any numbering of the joints."""
     data, zero = model.createData(), np.zeros(model.nv)
     rest = pin.rnea(model, data, q, zero, zero).copy()
     return np.array([pin.rnea(model, data, q, zero, unit) - rest for unit in np.eye(model.nv)]).T
@@ -79,7 +79,7 @@ def test_a_tree_is_a_linkage_without_loops(seed):
 
 
 def states():
-    """Scenes with one moving state each: trees with and without what slides, loops of two kinds."""
+    """Scenes with one moving state each: trees, some with sliding joints, loops of two kinds."""
     yield tree(1), *(x[0] for x in random_states(tree(1).model, 1, 1))
     for scene in (four_bar("A")[0], cut_slider_crank("G", "prismatic")[0]):
         q = scene.close(

@@ -1,4 +1,4 @@
-"""Sliding friction that no load changes: one ABA, against plain RNEA and against the search."""
+"""Load-independent sliding friction: one ABA, against plain RNEA and against the search."""
 
 import numpy as np
 import pinocchio as pin
@@ -15,7 +15,7 @@ from pinfric.errors import SceneError
 @pytest.mark.parametrize("motors", [False, True])
 @pytest.mark.parametrize("seed", range(12))
 def test_what_slides_needs_one_aba(seed, motors):
-    """The efforts of the motion that is found are those of the drives and of friction."""
+    """The efforts of the resulting motion are those of the drives and of friction."""
     scene, rng = geared_arm(seed, locks=0.0)
     (q, *_), (v, *_), _ = random_states(scene.model, seed, 1)
     free, coupled = Workspace(scene, None, motors), Workspace(scene, None, motors)
@@ -49,7 +49,7 @@ def test_other_states_are_left_to_the_search(friction, v):
 
 
 def test_a_singular_mass_matrix_is_still_named():
-    """Two joints on one line: the first moves nothing that the second does not move, too."""
+    """Two joints on one line: the first moves nothing that the second does not."""
     model = chain(("a", pin.JointModelPX()), ("b", pin.JointModelPX(), lump(1.0)), gravity=0.0)
     scene = pf.Scene(model=model, friction=dict.fromkeys("ab", dry(0.1)))
     with pytest.raises(SceneError, match=r"no finite acceleration|not positive definite"):

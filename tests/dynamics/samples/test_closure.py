@@ -1,4 +1,4 @@
-"""Closing loops: configurations, velocities, accelerations, and what must be refused."""
+"""Closing loops: configurations, velocities, accelerations, refusals."""
 
 import numpy as np
 import pinocchio as pin

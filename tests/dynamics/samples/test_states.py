@@ -1,4 +1,4 @@
-"""States: what is refused by name, other number types, normalized directions."""
+"""States: refusals by name, other number types, normalized directions."""
 
 import numpy as np
 import pinocchio as pin
@@ -120,7 +120,7 @@ def test_a_link_with_a_joints_name_is_the_link():
 
 
 def test_a_reversal_between_two_threads_parts_is_seen_once():
-    """Four parts of two samples: the sign changes at every border, and each time slower behind."""
+    """Four parts of two samples: the sign changes at every border, each time to a slower speed."""
     velocity = np.array([3.0, 2.0, -1.0, -2.0, 1.0, 2.0, -1.0, -2.0])[:, None]
     expected = [False, False, True, False, True, False, True, False]
     for threads in (1, 2, 3, 4):

@@ -1,4 +1,4 @@
-"""Several threads: the same numbers to the last bit, wherever the samples are cut."""
+"""Several threads: bitwise the same numbers, wherever the samples are cut."""
 
 import os
 import subprocess
@@ -75,7 +75,7 @@ def test_a_team_leaves_numbas_threads_as_they_were():
 
 
 def test_python_threads_share_a_scene_that_is_too_large_to_open():
-    """Each has Pinocchio's data of its own: they take turns between any two lines of Python."""
+    """Each has its own Pinocchio data: threads take turns between any two lines of Python."""
     scene = pf.Scene(model=random_tree(5, LARGEST + 10))
     motions = [random_states(scene.model, seed, 300) for seed in range(2)]
     right = [
@@ -128,7 +128,7 @@ for threads in (1, 2):
 @pytest.mark.slow
 @pytest.mark.skipif(len(os.sched_getaffinity(0)) < 2, reason="threads need cores")
 def test_a_forked_process_is_not_ended_by_the_threads_of_its_parent():
-    """OpenMP ends a child that asks for threads which its parent has had: it gets one."""
+    """OpenMP ends a child that asks for threads after its parent had some: it gets one."""
     done = subprocess.run(
         [sys.executable, "-c", FORKED], capture_output=True, text=True, check=True, timeout=60
     )

@@ -203,7 +203,7 @@ def test_a_pulse_that_starts_at_a_breakpoint_and_is_gone_at_the_next_look():
 
 @pytest.mark.parametrize("rtol", [1e-3, 1e-10])
 def test_one_guard_between_looks_is_that_of_all(rtol, monkeypatch):
-    """Of RK45, a joint's speed is read from its polynomial alone; DOP853 takes small tolerances."""
+    """RK45 reads a joint's speed from its polynomial alone; DOP853 takes small tolerances."""
     compared = []
     first_event = EventIntegration._first_event
 

@@ -1,4 +1,4 @@
-"""How simulate is used: efforts of every kind, bad input, interruption, limits, files, sampling."""
+"""Use of simulate: efforts of every kind, bad input, interruption, limits, files, sampling."""
 
 from dataclasses import replace
 
@@ -38,7 +38,7 @@ def test_dense_sampling_agrees_with_the_samples():
 def test_efforts_between_samples_are_those_of_their_own_piece():
     """A sine with breakpoints that change nothing: sampled anywhere, the sine; and no energy lost.
 
-    At a breakpoint the function is asked beside it, on the side that the samples are on.
+    At a breakpoint the function is asked on the side that the samples are on.
     """
     breaks = [0.3, 0.5, 1.0]
     scene = sliding_block()
@@ -64,7 +64,7 @@ def test_efforts_between_samples_are_those_of_their_own_piece():
 def test_energy_halves_steps_where_a_lossy_gears_effort_changes_its_sign(
     efficiency, parts, left, monkeypatch
 ):
-    """An ideal gear loses nothing on either side: there is nothing to look for."""
+    """An ideal gear loses nothing on either side, so no step is halved."""
     drive = {
         "joint": "slide",
         "transmission": {
@@ -119,7 +119,7 @@ def test_energy_of_every_method():
 
 @pytest.mark.parametrize("seed", [3, 5])
 def test_the_energy_with_a_mimic_joint_is_that_of_the_joints_apart(seed):
-    """Their joints are not numbered depth first, as Pinocchio's `crba` takes for granted."""
+    """Their joints are not numbered depth first, as Pinocchio's `crba` assumes."""
     model = random_tree(seed, 5, sliding=0.0)
     mimic = pin.transformJointIntoMimic(model, 1, 5, -0.7, 0.1)
     (q,), (v,), _ = random_states(mimic, seed, 1)

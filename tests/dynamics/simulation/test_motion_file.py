@@ -27,7 +27,7 @@ def saved(tmp_path_factory):
 
 
 def reading(path, scene):
-    """What a file reads as: a motion, or its one line."""
+    """The motion that a file reads as, or its one-line error."""
     try:
         return pf.load_motion(path, scene)
     except SimulationError as problem:

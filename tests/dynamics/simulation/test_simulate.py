@@ -92,7 +92,7 @@ def test_beyond_the_threshold_the_spinning_body_cannot_even_start():
 def test_a_motion_that_runs_into_an_inconsistency_says_when_and_keeps_what_it_had():
     """A driven slider carries the pinned mass inward: b = mu R m l / (J + m l^2) grows to 1.
 
-    Another body rests on a pin of its own, which the error must not name.
+    Another body rests on its own pin, which the error must not name.
     """
     model = chain(
         ("pin", pin.JointModelRZ(), pin.Inertia(1e-9, np.zeros(3), np.diag([1.0, 1, 1.0]))),
@@ -139,7 +139,7 @@ def test_energy_is_balanced_on_random_trees(seed):
 
 
 def test_a_free_body_keeps_its_momentum_and_energy():
-    """A tumbling free-flyer: the chart has to move along many times."""
+    """A tumbling free-flyer, whose chart moves along many times."""
     body = pin.Inertia(2.0, np.array([0.1, 0.2, 0.3]), np.diag([0.1, 0.2, 0.25]))
     model = chain(("base", pin.JointModelFreeFlyer(), body), gravity=0.0)
     scene = pf.Scene(model=model)
@@ -252,7 +252,7 @@ def test_all_three_methods_agree_on_the_paper_s_robot():
 
 
 def test_a_joint_that_comes_to_rest_leaves_what_sticks_alone():
-    """Either joint could slip at that instant; the one that has been sticking sticks on."""
+    """Either joint could slip at that instant; the one that has been sticking keeps sticking."""
     scene = pf.load_scene("three_link")
     radii, lengths = (0.05, 0.08, 0.03), (0.12, 0.10, None)
     static, kinetic = (0.3, 0.35, 0.25), (0.25, 0.30, 0.2)
@@ -293,7 +293,7 @@ def test_what_balances_to_rounding_stays_where_friction_is_next_to_nothing():
 
 
 def test_what_overflows_in_the_integrator_is_no_warning_of_its_own():
-    """A block of 1e-300 kg: accelerations are numbers, their squares in SciPy's norms are none."""
+    """A block of 1e-300 kg: accelerations are finite, their squares in SciPy's norms are not."""
     scene = sliding_block(plane_friction(0.1, 0.1), mass=1e-300)
 
     def effort(t, q, v):
@@ -318,14 +318,14 @@ event         {regularization_velocity: 0.001}  is for regularized;
     table(CASES, str, yaml.safe_load, str),
 )
 def test_a_number_that_the_method_would_ignore_is_refused(method, number, text):
-    """Whoever gives a step expects that the error follows it."""
+    """A given step promises an error that depends on it."""
     with pytest.raises(SimulationError) as caught:
         pf.simulate(pf.load_scene("pendulum"), [0.0], [0.0], [0.0], 0.01, method, **number)
     assert text in str(caught.value)
 
 
 def test_every_number_is_read_by_a_method():
-    """One that is None is not given."""
+    """None means not given."""
     assert {name for names in _READ.values() for name in names} == set(Numbers.__annotations__)
     assert set(_READ) == set(METHODS)
     scene = pf.load_scene("pendulum")
@@ -335,7 +335,7 @@ def test_every_number_is_read_by_a_method():
 
 @pytest.mark.parametrize("method", ["event", "regularized"])
 def test_an_effort_too_fast_for_any_run_is_refused(method):
-    """28 million periods: it would be integrated for hours."""
+    """28 million periods would be integrated for hours."""
     scene = pf.load_scene("pendulum")
     fast = {"effort": {"joint_1": {"sine": {"amplitude": 2.0, "angular_frequency": 6e9}}}}
     start = scene.simulation.model_dump() | fast
@@ -348,7 +348,7 @@ def test_an_effort_too_fast_for_any_run_is_refused(method):
 
 
 def test_simulations_within_and_beside_each_other_do_not_meet():
-    """A simulation lends its workspace; the next one of the scene finds nothing of the last."""
+    """A simulation lends its workspace; the scene's next one finds nothing of the last."""
     scene = pf.load_scene("three_link")
 
     def run(inner=False):
@@ -374,7 +374,7 @@ def test_simulations_within_and_beside_each_other_do_not_meet():
 
 
 def test_a_motion_says_where_other_modes_may_obey(tmp_path, monkeypatch):
-    """Twelve sliders one behind the other: more than are tried, and nothing proves one answer."""
+    """Twelve sliders in a chain: more than are tried, and nothing proves one answer."""
     names, body = [f"s{i}" for i in range(12)], lump(1.0)
     model = chain(*((name, pin.JointModelPX(), body) for name in names), gravity=0.0)
     push, still = np.random.default_rng(3).normal(scale=2.0, size=12), np.zeros(12)

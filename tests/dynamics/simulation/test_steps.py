@@ -1,4 +1,4 @@
-"""Steps of a simulation, each by itself."""
+"""Steps of a simulation, one by one."""
 
 import numpy as np
 import pytest
@@ -44,7 +44,7 @@ def test_first_crossing(guard, expected):
     ("before", "after"), [(1e-3, -1.0), (0.3, -0.3), (0.5, -1e-9), (2.0, -0.1)]
 )
 def test_the_root_of_a_jump_is_its_far_side(before, after):
-    """There what fired is below zero; a stick or slip that is tried there goes on."""
+    """There the fired guard is below zero; a stick or slip that is tried there goes on."""
     for place in np.random.default_rng(0).uniform(0.1, 0.9, 20):
 
         def guard(t, place=place):

@@ -1,4 +1,4 @@
-"""Efforts, payloads and wrenches of a simulation, in every form in which they may be given."""
+"""Efforts, payloads and wrenches of a simulation, in every form."""
 
 import numpy as np
 import pinocchio as pin
@@ -177,7 +177,7 @@ def test_an_effort_that_raises_says_what_and_when(method):
 
 
 class Controller:
-    """A PID of one joint that keeps its integral; it notes its calls and what it returned."""
+    """A PID of one joint that keeps its integral; it records its calls and results."""
 
     def __init__(self, period):
         self.period, self.integral, self.times, self.efforts = period, 0.0, [], []
@@ -193,7 +193,7 @@ class Controller:
 @pytest.mark.parametrize("method", ["event", "timestepping", "regularized"])
 @pytest.mark.parametrize("period", [1e-3, 0.013])
 def test_a_controller_is_asked_once_a_period_as_in_the_exact_recursion(method, period):
-    """m x'' = u - b x' between the instants: x' goes to u/b by exp(-b T/m), in closed form."""
+    """m x'' = u - b x' between the instants: x' tends to u/b by exp(-b T/m), in closed form."""
     m, end, controller = 2.0, 0.4, Controller(period)
     b = 0.0 if method == "timestepping" else 5.0  # whose midpoint is exact without drag
     scene = pf.Scene(model=block(0.0, m), friction={"slide": {"viscous": b}} if b else {})
@@ -243,7 +243,7 @@ def test_what_a_controller_breaks_away_slips_from_the_instant_of_its_period():
 
 @pytest.mark.parametrize("angle", [1e-12, 1e-9, -7e-9, 2.0])
 def test_the_difference_of_angles_keeps_small_ones(angle):
-    """Pinocchio's does not, for 1 % of the angles from which it starts."""
+    """Pinocchio's does not for 1 % of start angles."""
     model = chain(("turn", pin.JointModelRUBZ()), ("lift", pin.JointModelRZ()))
     for first in np.random.default_rng(0).uniform(-np.pi, np.pi, 1000):
         start = np.array([np.cos(first), np.sin(first), 0.0])

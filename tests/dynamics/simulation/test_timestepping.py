@@ -41,7 +41,7 @@ def test_timestepping_meets_the_events_of_the_belt_to_its_step():
 
 
 def test_timestepping_is_stable_at_any_step():
-    """One step of 10 s with friction far beyond what explicit friction would survive."""
+    """One step of 10 s with friction far beyond the bound of explicit methods."""
     scene = sliding_block(plane_friction(0.5, 0.5, viscous=1e6))
     motion = pf.simulate(scene, [0.0], [5.0], [0.0], 100.0, "timestepping", dt=10.0)
     assert (motion.v[1:] == 0).all()
@@ -51,7 +51,7 @@ def test_timestepping_is_stable_at_any_step():
 def test_a_start_without_an_acceleration_is_an_impact():
     """Painleve's rod beyond its critical mu stops its slider at once, and swings about it.
 
-    Of the angular momentum about the slider, m v (l/2) sin t = (m l^2 / 3) w is left.
+    Of the angular momentum about the slider, m v (l/2) sin t = (m l^2 / 3) w remains.
     """
     angle = np.arctan(2.0)
     case = painleve_rod(1.4, angle)
