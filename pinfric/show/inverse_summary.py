@@ -1,4 +1,4 @@
-"""What a motion's efforts come to: what `pinfric inverse` prints and writes."""
+"""Summary of a motion's efforts, as `pinfric inverse` prints and writes it."""
 
 from __future__ import annotations
 
@@ -62,13 +62,13 @@ def inverse_summary(
     log: JudgedLog | None = None,
     elastic: Elasticity | None = None,
 ) -> InverseSummary:
-    """Return what a motion's efforts come to.
+    """Return the summary of a motion's efforts.
 
     Args:
         result: with times.
         trajectory: its name or path.
         log: how the trajectory was read, if it came from samples.
-        elastic: what its elastic gears do, where it has any.
+        elastic: effects of elastic gears, if there are any.
 
     Raises:
         StateError: the result has no times.

@@ -1,4 +1,4 @@
-"""What a simulated motion comes to: what `pinfric simulate` prints and writes."""
+"""Summary of a simulated motion, as `pinfric simulate` prints and writes it."""
 
 from __future__ import annotations
 
@@ -67,9 +67,9 @@ class MotionSummary:
 
 
 def motion_summary(motion: Motion) -> MotionSummary:
-    """Return what a motion comes to.
+    """Return the summary of a motion.
 
-    Of a motion that Ctrl-C ended there is no energy: to integrate it can take as long as it took.
+    An interrupted motion has no energy: integrating it may take as long as the simulation.
     """
     energy = None
     if motion.status != INTERRUPTED:
@@ -92,7 +92,7 @@ def motion_summary(motion: Motion) -> MotionSummary:
 
 
 def drive_work(motion: Motion) -> list[DriveWork]:
-    """Return what each drive did."""
+    """Return the work, heat and stick time of each drive."""
     scene, t = motion.scene, motion.t
     rates, _ = working_rates(scene, motion.q, motion.v)
     energy = motion.energy()

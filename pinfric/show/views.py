@@ -1,6 +1,6 @@
 """One picture and one table for every result: `pf.plot`, `pf.summary`.
 
-The results' own methods `plot` and `summary` come here through the package's public names.
+Results' own methods `plot` and `summary` call them through the package's public names.
 """
 
 from __future__ import annotations
@@ -51,11 +51,11 @@ def plot(result: Any, **options: Any) -> Figure:
     """Return the figure that `--out` writes for a result.
 
     Args:
-        result: of `inverse_dynamics` (options: `trajectory`, a name for the title; `drives`, the
-            names of those to draw), `elasticity` (the tool's places at rest; options: `title`,
-            `rest`), `simulate`, `size` (the efforts of the cycle with the chosen
-            drives' masses; the same options), `sweep`, or `identify` (measured efforts over those
-            of the scene found; option: `log`, its number).
+        result: of `inverse_dynamics` (options: `trajectory`, a name for the title; `drives`, names
+            of those to draw), `elasticity` (the tool's places at rest; options: `title`, `rest`),
+            `simulate`, `size` (efforts of the cycle with the chosen drives' masses; options as of
+            `inverse_dynamics`), `retime`, `stop`, `sweep`, `identify` (measured efforts over those
+            of the scene found; option: `log`, its number) or `accuracy`.
         options: see there.
 
     Raises:
@@ -68,17 +68,16 @@ def plot(result: Any, **options: Any) -> Figure:
 
 
 def summary(result: Any) -> pd.DataFrame:
-    """Return the figures of each drive, a row a drive; SI units, NaN for what is not known.
+    """Return the figures of each drive, a row each; SI units, NaN for unknown ones.
 
     `attrs["units"]` of the table has the unit of each column.
 
     Args:
         result: of `inverse_dynamics` (`peak`, `rms`, ... as `--json` names them), `simulate`
-            (efforts, their work, and at its joint heat and time at rest), `size` (demand and
-            choice), `retime` (largest part of each limit used), `sweep` (percentiles, `peak_95`
-            and so on), `elasticity` (wind-up at the worst rest), `export` (a row a joint),
-            `check` (a row a finding), `explain` (a row an effect), `accuracy` (a row a run)
-            or `identify` (a row a coefficient).
+            (efforts, their work, heat and time at rest of its joint), `size` (demand and choice),
+            `retime` (largest part of each limit used), `stop`, `sweep` (percentiles: `peak_95`
+            ...), `elasticity` (wind-up at the worst rest), `export` (a row per joint), `check` (per
+            finding), `explain` (per effect), `accuracy` (per run) or `identify` (per coefficient).
 
     Raises:
         StateError: it is none of these, or has no times.
@@ -102,7 +101,7 @@ def _png(figure: Figure) -> bytes:
 
 
 def _frame(rows: Sequence[Any], index: str, label: str = "") -> pd.DataFrame:
-    """A table of described rows, with the units of its columns."""
+    """Return a table of described rows, with the units of its columns."""
     table = pd.DataFrame([flat(row) for row in rows] or {index: []}).set_index(index)
     known = quantities(type(rows[0])) if rows else {}
     table.attrs["units"] = {name: field.unit for name, field in known.items() if field.unit}

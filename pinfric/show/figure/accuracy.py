@@ -1,4 +1,4 @@
-"""One picture of computing time against accuracy: work-precision of the methods of simulation."""
+"""Picture of computing time against accuracy of the methods of simulation."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def accuracy_figure(accuracy: Accuracy) -> Figure:
 
 
 def _draw(axes: Axes, runs: Sequence[TimedRun], quantity: str) -> list[str]:
-    """Error against time, a line per method; says which methods have no such error, how often."""
+    """Draw error against time, a line per method; return in which runs it has no such error."""
     from matplotlib.ticker import LogLocator
 
     lost = []

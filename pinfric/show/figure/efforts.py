@@ -1,8 +1,7 @@
-"""Figures: effort over time as an interval, one small panel per drive.
+"""Figures of effort over time as an interval, a panel per drive.
 
-Matplotlib's `Figure` is used directly; `pyplot` would take a second to import and keep the
-figures alive. Nothing is drawn that the eye could not see: long motions are thinned to their
-extremes.
+`pyplot` is not used: it takes a second to import and keeps figures alive. Long motions are thinned
+to their extremes.
 """
 
 from __future__ import annotations
@@ -102,16 +101,15 @@ def effort_figure(
     """Draw every drive's effort over time: a line while it slides, a band while it sticks.
 
     The thin line behind is the effort without friction; times at rest are shaded; a tick below
-    marks an instant at rest (a single sample, or a reversal between two); a bar above says when a
+    marks an instant at rest (a single sample, or a reversal between two); a bar above shows when a
     payload is carried.
 
     Args:
         result: with times.
         trajectory: its name, for the title.
-        drives: names of those to draw; by default all, of more than 30 those with the largest
-            peaks of their unit: what is left out is counted.
-        log: how the trajectory was read, if it came from samples; how well efforts are known is
-            said below the panels.
+        drives: names of those to draw; by default all, of more than 30 those with the largest peaks
+            of their unit.
+        log: how the trajectory was read; the uncertainty of efforts is stated below the panels.
 
     Raises:
         StateError: the result has no times, no drives, or no drive of a name.
@@ -169,7 +167,7 @@ def effort_figure(
 
 
 def largest(peaks: Sequence[float], units: Sequence[str], most: int) -> tuple[list[int], str]:
-    """Return which drives to draw, in their order, and what to say of the others.
+    """Return which drives to draw, in their order, and a text about the others.
 
     Args:
         peaks: (na,) of the drives' efforts; compared with the largest of the same unit.
@@ -190,7 +188,7 @@ def largest(peaks: Sequence[float], units: Sequence[str], most: int) -> tuple[li
 def thinned(series: Sequence[np.ndarray], pieces: int = _PIECES) -> np.ndarray:
     """Return increasing indices that keep each series' least and greatest value piece by piece.
 
-    Where a piece holds NaN, its first is kept, too: the line has its gap.
+    The first NaN of a piece is kept, too: the line has its gap.
 
     Args:
         series: arrays of equal shape (T,).
@@ -213,7 +211,7 @@ def thinned(series: Sequence[np.ndarray], pieces: int = _PIECES) -> np.ndarray:
 
 
 def brief_ticks(value: float, _position: float = 0.0) -> str:
-    """Return a tick's label: 0.0005 takes as much room as a panel has, 5e-4 does not."""
+    """Return a tick's label that fits a panel: 5e-4, not 0.0005."""
     if value == 0 or 1e-3 <= abs(value) < 1e5:
         text = f"{value:g}"
     else:
@@ -223,7 +221,7 @@ def brief_ticks(value: float, _position: float = 0.0) -> str:
 
 
 def shade(axes: Axes, spans: np.ndarray, label: str = "") -> None:
-    """Shade the background in spans (n, 2) of time, s, in which something is at rest."""
+    """Shade the background in spans (n, 2) of time at rest, s."""
     axes.broken_barh(
         [(a, b - a) for a, b in spans],
         (0.0, 1.0),
@@ -238,7 +236,7 @@ def shade(axes: Axes, spans: np.ndarray, label: str = "") -> None:
 
 
 def rest_spans(result: InverseResult, i: int) -> np.ndarray:
-    """Return the spans (n, 2), s, in which a drive rests; those closer than a pixel are one."""
+    """Return the spans (n, 2), s, in which a drive rests; those closer than a pixel are joined."""
     start, end = result.times[np.array(runs(rests(result, i)), dtype=int).reshape(-1, 2)].T
     apart = start[1:] - end[:-1] >= np.ptp(result.times) / _PIECES
     first, last = (np.ones(len(start), dtype=bool) for _ in range(2))
@@ -257,7 +255,7 @@ def dress(axes: Axes, ticks: int) -> None:
 
 
 def _draw_panel(axes: Axes, result: InverseResult, i: int, zero: float) -> None:
-    """Draw one drive's effort over time; `zero`: what is not larger is rounding."""
+    """Draw one drive's effort over time; values up to `zero` are rounding."""
     t, sticking, rubs = result.times, rests(result, i), sites_on(result.scene, i)
     lower, upper = result.effort_lower[:, i], result.effort_upper[:, i]
     frictionless = result.effort_frictionless[:, i]
@@ -307,7 +305,7 @@ def _draw_panel(axes: Axes, result: InverseResult, i: int, zero: float) -> None:
 
 
 def _label(axes: Axes, name: str, summary: ActuatorSummary, width: float, zero: float) -> None:
-    """The drive's name above its panel; at the right the figures that leave room for it."""
+    """Write the drive's name above its panel, and at the right as many figures as fit."""
     peak, spread = f"peak {digits(summary.peak, zero)}", span(summary.rms_least, summary.rms, zero)
     choices = (
         f"{peak}   RMS {spread}   RMS without friction {digits(summary.rms_frictionless, zero)}",
@@ -323,7 +321,7 @@ def _label(axes: Axes, name: str, summary: ActuatorSummary, width: float, zero: 
 
 
 def _draw_phases(axes: Axes, phases: dict[str, list[tuple[float, float]]], t: np.ndarray) -> None:
-    """One bar per payload that is carried part of the way, labelled inside or beside."""
+    """Draw a bar for each payload carried part of the time, labelled inside or beside."""
     axes.set_ylim(len(phases), 0)
     axes.axis("off")
     for row, (name, spans) in enumerate(phases.items()):

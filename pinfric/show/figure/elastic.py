@@ -1,4 +1,4 @@
-"""One picture of the positions in which friction can hold a tool at rest."""
+"""Picture of the positions in which friction can hold a tool at rest."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ _AXES, MM = "xyz", 1e3
 def tool_figure(elastic: Elasticity, title: str = "", rest: RestPeriod | None = None) -> Figure:
     """Draw the positions that the tool can have at one rest, along three axes, in mm.
 
-    Blue is every place that static friction can hold (projections of the zonotope), to one scale;
-    a cross, or an arrow towards it, marks the commanded place, the dot that without friction, the
-    triangles those that a slow approach leaves, from the motion's side and from the opposite one.
+    Blue is every place that static friction can hold (projections of the zonotope), to one scale; a
+    cross, or an arrow towards it, marks the commanded place, the dot that without friction, the
+    triangles those after slow approaches from the motion's side and the opposite one.
 
     Args:
         elastic: of `elasticity`.
@@ -68,7 +68,7 @@ def tool_figure(elastic: Elasticity, title: str = "", rest: RestPeriod | None = 
 
 
 def _point_to_command(axes: Axes, centre: np.ndarray, half: float) -> None:
-    """Draw an arrow towards the commanded place (0, 0) where it is outside, and how far it is."""
+    """Draw an arrow towards the commanded place (0, 0) if it is outside, with its distance."""
     away = float(np.abs(centre).max())
     if away <= 0.96 * half:
         return

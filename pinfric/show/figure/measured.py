@@ -1,4 +1,4 @@
-"""Measured efforts over the computed ones, a panel a drive: a band where the drive sticks."""
+"""Figures of measured efforts over the computed ones, a panel per drive."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ _LETTERS = 60
 
 
 def measured_figure(result: InverseResult, log: JudgedLog, trajectory: str = "") -> Figure:
-    """Draw logged efforts over the computed ones where both are measured alike.
+    """Draw logged efforts over the computed ones at the same place.
 
     Args:
         result: of the log's motion, with times.
-        log: as `judge_log` returns it, with measured efforts.
+        log: of `judge_log`, with measured efforts.
         trajectory: its name, for the title.
 
     Raises:
@@ -67,13 +67,10 @@ def draw_measured(
     """Draw a drive's measured effort over the computed one: two lines, a band where it sticks.
 
     Args:
-        axes: to draw in.
-        result: of the log's motion, with times.
-        log: with measured efforts.
-        drive: its name.
+        result, log: as of `measured_figure`.
         shift: added to the times, s.
-        lag: of the measured effort behind the motion, s; drawn without it.
-        pieces: that a long log is cut into, each kept with its extremes.
+        lag: of the measured effort behind the motion, s; it is removed.
+        pieces: see `thinned`.
     """
     i, t = result.actuator_names.index(drive), result.times + shift
     lower, upper = measured_interval(result, log.at)

@@ -1,4 +1,4 @@
-"""The picture of a simulated motion: a row per joint, its position, velocity and friction."""
+"""Figure of a simulated motion: a row per joint with position, velocity and friction."""
 
 from __future__ import annotations
 
@@ -34,10 +34,10 @@ _LETTERS = 60
 
 @dataclass(frozen=True, eq=False)
 class _Row:
-    """A joint as it is drawn: (T,) position and velocity, None where there is no one number.
+    """A joint as it is drawn: (T,) position and velocity; None without a single number.
 
-    `site` is its column of friction, -1 without; `kind` sorts what there is to see: 0 sticks and
-    slips, 1 slides all the time, 2 never moves; `travel` is its range, rad or m.
+    `site` is its column of friction, -1: none; `kind`: 0 sticks and slips, 1 slides all the time, 2
+    never moves; `travel` is its range, rad or m.
     """
 
     name: str
@@ -52,7 +52,7 @@ class _Row:
 def motion_figure(motion: Motion) -> Figure:
     """Draw the joints of a motion, a row each: position, velocity, friction against its limits.
 
-    Shaded is where that joint sticks. Of more than 16 joints those that move are drawn: first those
+    Where the joint sticks is shaded. Of more than 16 joints those that move are drawn: first those
     that stick and slip, then the farthest travelled (a metre as a radian); the others are counted.
     """
     rows = _rows(motion)
@@ -81,7 +81,7 @@ def motion_figure(motion: Motion) -> Figure:
 
 
 def _chosen(rows: Sequence[_Row]) -> tuple[list[_Row], list[_Row]]:
-    """The rows that are drawn, in the model's order, and those that are not."""
+    """Return the rows that are drawn, in the model's order, and the others."""
     order = sorted(rows, key=lambda row: (row.kind, -row.travel))
     chosen = [row for row in order if row.kind < 2][:_MOST] or order[:_MOST]
     if len(rows) <= _MOST:
@@ -90,7 +90,7 @@ def _chosen(rows: Sequence[_Row]) -> tuple[list[_Row], list[_Row]]:
 
 
 def _rows(motion: Motion) -> list[_Row]:
-    """The joints with one number each, then the sites that are no such joint: loops, followers."""
+    """Return joints of one number each, then the other sites: loops, followers."""
     model, sites = motion.scene.model, motion.scene.sites
     at = {site.name: s for s, site in enumerate(sites)}
     rows = []
@@ -156,7 +156,7 @@ def _say(axes: Axes, text: str) -> None:
 
 
 def _dress(axes: Axes, motion: Motion, site: int, unit: str) -> None:
-    """Limits and ticks; shaded where the joint sticks."""
+    """Set limits and ticks; shade where the joint sticks."""
     values = np.concatenate([np.asarray(line.get_ydata(), dtype=float) for line in axes.lines])
     values = values[np.isfinite(values)]
     middle = float(values.mean()) if values.size else 0.0

@@ -1,4 +1,4 @@
-"""The sheet that pictures are drawn on, and small ones as a page shows them: SVG, text as text."""
+"""The sheet that pictures are drawn on, and small ones for pages as SVG."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def sheet(width: float, height: float, title: str = "") -> Figure:
-    """Return an empty figure that makes room for what its axes say; its title at the left.
+    """Return an empty figure that makes room for its axes' labels, its title at the left.
 
     Args:
         width, height: inches.
@@ -31,7 +31,7 @@ def sheet(width: float, height: float, title: str = "") -> Figure:
 
 
 def key_below(figure: Figure, ncols: int = 6, **options: Any) -> None:
-    """Name below all axes what is labelled in any of them, each label once."""
+    """Add one legend below all axes, each label once."""
     named = [axes.get_legend_handles_labels() for axes in figure.axes]
     key = {label: handle for of in named for handle, label in zip(*of, strict=True)}
     if key:
@@ -58,7 +58,7 @@ def svg(figure: Figure, title: str) -> str:
     """Return a figure as an <svg> that takes the width it is given.
 
     Args:
-        figure: with named lines, of which a legend is made below the axes.
+        figure: with named lines, for the legend below the axes.
         title: read aloud in place of the picture.
     """
     from html import escape

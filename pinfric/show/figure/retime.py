@@ -1,4 +1,4 @@
-"""A picture of a retimed path: its speed below what the limits allow, and each drive's use."""
+"""Figure of a retimed path: its speed below the limit, and each drive's use of its limits."""
 
 from __future__ import annotations
 
@@ -36,8 +36,8 @@ _LETTERS = 20
 def retime_figure(result: RetimeResult) -> Figure:
     """Draw the speed along the path over time under its limit, and below what each drive uses.
 
-    The limit is the speed above which no acceleration along the path is within all limits; a
-    drive's strip is filled as far as it uses its nearest limit, and coloured where it is there.
+    Above the limit no acceleration along the path keeps all limits. A drive's strip is filled as
+    far as it uses its nearest limit, and coloured where it reaches it.
 
     Args:
         result: of `retime`.
@@ -91,7 +91,7 @@ def retime_figure(result: RetimeResult) -> Figure:
 
 
 def _draw_use(axes: Axes, result: RetimeResult) -> list[int]:
-    """A strip for each drive, as high as the used part of its nearest limit; returns those met."""
+    """Draw each drive's use of its nearest limit as a strip; return the limits reached."""
     t, use = result.trajectory.t, result.usage
     names = [drive.name for drive in result.problem.scene.drives]
     edges = np.linspace(t[0], t[-1], min(_PIECES, len(t)) + 1)

@@ -1,4 +1,4 @@
-"""The picture of stops: the worst stop of each axis over time, its speed and its gear's effort."""
+"""Figure of stops: the worst stop of each axis over time."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _MOST = 12
 
 
 def stop_figure(result: StopResult) -> Figure:
-    """Draw for each drive the stop in which its joint goes farthest: speed, and its gear's effort.
+    """Draw for each drive its joint's farthest stop: speed, and its gear's effort.
 
     Of more than 12 drives those that go farthest are drawn.
     """
@@ -46,7 +46,7 @@ def stop_figure(result: StopResult) -> Figure:
 
 
 def axis_pictures(result: StopResult, drive: int) -> tuple[Figure, Figure]:
-    """Return the two pictures of one drive's farthest stop: speed, and its gear's effort."""
+    """Return two pictures of one drive's farthest stop: speed, and its gear's effort."""
     unit = effort_unit(result.scene, drive)
     speed, upper = panel("time from the command, ms", f"speed, {unit_at(SPEED, unit)}")
     effort, lower = panel("time from the command, ms", f"effort of the gear, {unit}")
@@ -59,7 +59,8 @@ def draw_stop(upper: Axes, lower: Axes, result: StopResult, drive: int) -> None:
 
     Args:
         upper, lower: axes.
-        result: the stops. drive: its number.
+        result: the stops.
+        drive: its number.
     """
     stop, motion = result.worst_motions[drive]
     unit = effort_unit(result.scene, drive)

@@ -19,14 +19,14 @@ _FALLBACK = ("Noto Sans CJK JP", "Noto Sans CJK SC", "WenQuanYi Micro Hei", "IPA
 
 @cache
 def _others() -> list[str]:
-    """Those of the fallback that are here: matplotlib logs a line of each that is not."""
+    """Return the fallback fonts installed here: matplotlib logs a line for each missing one."""
     from matplotlib.font_manager import get_font_names
 
     return sorted(set(_FALLBACK) & set(get_font_names()), key=_FALLBACK.index)
 
 
 def style() -> AbstractContextManager[None]:
-    """Let matplotlib draw as all pictures do; places are ours, whatever layout a user has on."""
+    """Within, matplotlib draws in our style, whatever layout a user has on."""
     from matplotlib import rc_context
 
     return rc_context(

@@ -1,4 +1,4 @@
-"""One picture of a sweep: spread of peak and RMS, motors that suffice, influential parameters."""
+"""Figure of a sweep: spread of peak and RMS, motors that suffice, influential parameters."""
 
 from __future__ import annotations
 
@@ -38,9 +38,9 @@ def sweep_figure(result: SweepResult) -> Figure:
     """Draw a row for every drive: distributions of peak and RMS, and influential parameters.
 
     Of more than 16 drives those with the largest median peaks of their unit; the rest is counted.
-    Ticks below a histogram are the percentiles; what lies beyond a motor's rating is orange. The
-    bars on the right are rank correlations with the RMS (of Sobol's design: shares of its
-    variance); bars shorter than the grey band are not significant.
+    Ticks below a histogram are percentiles; what lies beyond a motor's rating is orange. The bars
+    on the right are rank correlations with the RMS (in Sobol's design: shares of its variance);
+    bars shorter than the grey band are not significant.
 
     Args:
         result: of `sweep`, with at least one sample that has a solution.
@@ -74,7 +74,7 @@ def sweep_figure(result: SweepResult) -> Figure:
 
 
 def _spread(axes: Axes, result: SweepResult, i: int, name: str) -> None:
-    """A histogram over the samples, with percentiles and, of a motor on trial, its rating."""
+    """Draw a histogram over the samples, with percentiles and a motor's rating if on trial."""
     values = result.figure(name)[result.solved, i]
     trial = next((t for t in result.trials if t.actuator == i), None)
     rating, kind = None, "peak" if name.endswith("peak") else "continuous"
@@ -115,7 +115,7 @@ def _spread(axes: Axes, result: SweepResult, i: int, name: str) -> None:
 
 
 def _mark_percentiles(axes: Axes, result: SweepResult, values: np.ndarray) -> None:
-    """Ticks at the percentiles, each with its label, moved aside where two would meet."""
+    """Label the percentiles with ticks, moved aside where labels would overlap."""
     percentiles = sorted(result.percentiles)
     at = np.percentile(values, percentiles)
     low, high = axes.get_xlim()
@@ -147,7 +147,7 @@ def _mark_percentiles(axes: Axes, result: SweepResult, values: np.ndarray) -> No
 
 
 def _drivers(axes: Axes, result: SweepResult, i: int, strength: np.ndarray, bottom: bool) -> None:
-    """Bars of the parameters that matter most, the strongest on top."""
+    """Draw bars of the most influential parameters, the strongest on top."""
     order = np.argsort(-np.nan_to_num(np.abs(strength), nan=-1.0), kind="stable")[:_DRAWN]
     signed = not result.has_shares
     if signed:

@@ -1,1 +1,1 @@
-"""Pages to read, to print and to sign: one self-contained HTML file each, of one template."""
+"""Pages to read, print and sign, each one self-contained HTML file."""

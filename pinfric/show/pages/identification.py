@@ -1,4 +1,4 @@
-"""The identification page: one self-contained HTML file, no network."""
+"""The identification page."""
 
 from __future__ import annotations
 
@@ -44,11 +44,8 @@ _PIECES, _DOTS = 500, 400
 def identification_page(identified: Identified) -> str:
     """Return the friction identified from logs as one HTML page.
 
-    Args:
-        identified: of `identify`.
-
     Raises:
-        PinfricError: the extra `report` (jinja2) is not installed.
+        PinfricError: see `page`.
     """
     summary = identify_summary(identified)
     time = _over_time(identified)
@@ -94,7 +91,7 @@ def _said(p: Parameter) -> Marked:
 
 
 def _told(recording: str, row: MoreKnown) -> Marked:
-    """What a further recording would tell of a coefficient, marked by how much."""
+    """How much a further recording would improve a coefficient, marked by how much."""
     factor = row.factors[recording]
     kind = "ok" if factor <= 0.6 else "tight" if factor <= 0.8 else "none"
     return mark(kind, digits(factor))
@@ -107,7 +104,7 @@ def _law(taken: str, row: Considered) -> Marked:
 def _over_time(identified: Identified) -> list[Figure]:
     """Draw each joint's measured effort over the identified scene's, rest intervals as bands.
 
-    Logs stand one after another; measured efforts are moved back by the delay.
+    Logs follow one another; measured efforts are moved back by the delay.
     """
     names = identified.scene.joint_names
     units = [effort_unit(identified.scene, j) for j in range(len(names))]
@@ -126,12 +123,7 @@ def _over_time(identified: Identified) -> list[Figure]:
 
 
 def _residual_clouds(identified: Identified, joint: int) -> dict[str, Figure]:
-    """Draw one joint's residual over velocity and over load: a missing law shows there.
-
-    Args:
-        identified: what was identified.
-        joint: its number.
-    """
+    """Draw one joint's residual over velocity and over load, where a missing law shows."""
     unit = effort_unit(identified.scene, joint)
     velocity, load, off = left_over(identified, joint)
     few = np.unique(np.linspace(0, off.size - 1, min(_DOTS, off.size)).astype(int))

@@ -1,4 +1,4 @@
-"""What every page has: templates and style, values and names in words, tables."""
+"""Common parts of pages: templates and style, values, names and tables."""
 
 from __future__ import annotations
 
@@ -31,11 +31,11 @@ def page(
     files: Iterable[str] = (),
     **content: Any,
 ) -> str:
-    """Return a page: the header, a link to each joint's section, and the sections of a template.
+    """Return a page: the header, a link to each joint's section, and a template's sections.
 
     Args:
         template: its name in this folder.
-        names: of joints and drives; what all begin and end with is left out, and said once.
+        names: of joints and drives; their common beginning and end is left out, and stated once.
         joints: those that have a section.
         files: the inputs; the page names them with their SHA-256.
         content: what the template shows.
@@ -54,7 +54,7 @@ def page(
     ends, short, markup = affixes(names), short_names(names), needed("markupsafe").Markup
 
     def said(text: str) -> Any:
-        """Text as HTML, with what stands in `backticks` as code."""
+        """Return text as HTML, `backticks` as code."""
         escaped = str(markup.escape(said_short(text, short)))
         return markup(re.sub("`([^`]+)`", r"<code>\1</code>", escaped))
 
@@ -86,7 +86,7 @@ def figure(x: float | None) -> str:
 
 
 def needed(module: str) -> Any:
-    """Import a module of the extra `report`, or say how to install it."""
+    """Import a module of the extra `report`, or raise `PinfricError` with how to install it."""
     try:
         return import_module(module)
     except ImportError:
@@ -96,7 +96,7 @@ def needed(module: str) -> Any:
 
 
 def formula(text: str) -> Any:
-    """Return a formula in plain letters as HTML: Greek letters, roots, subscripts, powers."""
+    """Return a plain formula as HTML: Greek letters, roots, subscripts, powers."""
     markup = needed("markupsafe")
     html = str(markup.escape(text)).replace("&lt;=", "≤").replace("&gt;", ">")
     for pattern, sign in (

@@ -1,4 +1,4 @@
-"""The sizing page: one self-contained HTML file, to read, to print and to sign."""
+"""The sizing page."""
 
 from __future__ import annotations
 
@@ -69,11 +69,11 @@ def sizing_page(report: SizingReport, command: str = "", inputs: Iterable[str | 
 
     Args:
         report: of `size`.
-        command: that made it, if one did, as it was typed.
-        inputs: files that it read, beside those that the report knows.
+        command: that made it, as typed; empty: none.
+        inputs: files read, beside those that the report knows.
 
     Raises:
-        PinfricError: the extra `report` (jinja2) is not installed.
+        PinfricError: see `page`.
     """
     summary, short = sizing_summary(report), short_names(report.scene.actuator_names)
     own, shared = _remarks(summary.joints, short)
@@ -140,7 +140,7 @@ def sizing_page(report: SizingReport, command: str = "", inputs: Iterable[str | 
 
 
 def _demanded(report: SizingReport) -> str:
-    """What was demanded of the drives, in a line."""
+    """State in a line what was demanded of the drives."""
     c = report.conditions
     arm = f"whole arm {figure(c.lowest_frequency)} Hz" if c.lowest_frequency else "each axis alone"
     parts = [
@@ -157,7 +157,7 @@ def _demanded(report: SizingReport) -> str:
 
 
 def _conditions(conditions: Conditions) -> str:
-    """Every condition with its value, and which are not the defaults."""
+    """State every condition with its value, and which are not defaults."""
     default, said = Conditions(), []
     for name, value in conditions:
         if value is not None and value != {}:
@@ -169,7 +169,7 @@ def _conditions(conditions: Conditions) -> str:
 def _joint_view(
     joint: JointSizing, report: SizingReport, summary: SizedJoint, k: int
 ) -> dict[str, Any]:
-    """What the template shows of one joint."""
+    """Return what the template shows of one joint."""
     taken, name = summary.installed, summary.name
     drawn = [("effort", "Effort at the joint over the cycle", effort_over_time(joint))]
     missing = []
@@ -198,7 +198,7 @@ def _joint_view(
 
 
 def _margin(margin: float | None) -> Marked:
-    """A margin on the ground that says how it ended."""
+    """A margin coloured by its verdict."""
     if margin is None:
         return Marked(NO_FIGURE)
     return mark("bad" if margin < 0 else "tight" if margin < _TIGHT else "ok", percentage(margin))
@@ -211,7 +211,7 @@ _CELLS: dict[str, Callable[[SizedJoint], str]] = {
 
 
 def _ended(c: Criterion) -> Marked:
-    """How a criterion ended, with its margin."""
+    """The result of a criterion, with its margin."""
     if c.unchecked:
         return mark("none", "not checked", c.note)
     if c.status == Status.NOT_REQUIRED:
@@ -222,7 +222,7 @@ def _ended(c: Criterion) -> Marked:
 
 
 def _criteria(criteria: Sequence[Criterion]) -> tuple[Table | None, ...]:
-    """All criteria of a drive that have figures or lack them, in three tables."""
+    """All criteria of a drive with figures or without a required one, in three tables."""
     criteria = [c for c in criteria if c.status != Status.NOT_REQUIRED or c.available is not None]
     cells: dict[str, Callable[[Criterion], str]] = {
         "required": lambda c: figure(c.required),
@@ -241,9 +241,9 @@ Remark = tuple[list[str], list[str], str]
 def _remarks(
     joints: Sequence[SizedJoint], short: Mapping[str, str]
 ) -> tuple[list[list[Remark]], list[Remark]]:
-    """What is remarked of each joint alone, and of several; each text stands once.
+    """Return the remarks on each joint alone, and those on several; each text once.
 
-    What was not checked, and remarks on products, have places of their own.
+    Unchecked criteria, and remarks on products, have their own places.
     """
     said: dict[tuple[str, str], list[str]] = {}
     for joint in joints:

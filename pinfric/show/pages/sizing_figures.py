@@ -70,7 +70,7 @@ def effort_over_time(joint: JointSizing) -> Figure:
 
 
 def temperature(joint: JointSizing, report: SizingReport) -> Figure | None:
-    """Draw winding and housing over the settled cycle; None where they are not known."""
+    """Draw winding and housing over the settled cycle; None if they are unknown."""
     motor, taken = joint.motor, joint.installed
     if motor is None or taken is None or motor.winding is None or motor.winding.runaway:
         return None
@@ -107,13 +107,13 @@ def power_over_time(report: SizingReport) -> Figure:
 
 
 def _drawn(joint: JointSizing, series: Sequence[np.ndarray]) -> np.ndarray:
-    """Which samples to draw over time: a period's time off would leave no room for the rest."""
+    """Select the samples to draw over time, without the period's time off."""
     keep = thinned(list(series), _PIECES)
     return keep[joint.cycle.powered[keep]]
 
 
 def _speed_reach(ratings: Ratings, voltage: float, used: float) -> float:
-    """How far the speed axis goes: the envelope's end, unless the cycle uses little of it."""
+    """Return the end of the speed axis: the envelope's, unless the cycle uses little of it."""
     ends = [1.25 * used]
     limit = ratings.max_speed or ratings.no_load_speed or ratings.rated_speed
     if limit is not None:
@@ -129,7 +129,7 @@ def _speed_reach(ratings: Ratings, voltage: float, used: float) -> float:
 def _draw_envelope(
     axes: Axes, ratings: Ratings, conditions: Conditions, hot: float, ends: tuple[float, float]
 ) -> None:
-    """What the motor can do: the line of the bus voltage cut by peak torque, and continuously."""
+    """Draw the motor's limits: the bus voltage's line cut by peak torque, and continuous torque."""
     voltage, (reach, top) = conditions.bus_voltage, ends
     fastest = ratings.max_speed or ratings.no_load_speed or ratings.rated_speed
     end = reach if fastest is None else min(fastest, reach)

@@ -1,4 +1,4 @@
-"""The page of stops: one self-contained HTML file, no network."""
+"""The page of stops."""
 
 from __future__ import annotations
 
@@ -16,11 +16,8 @@ from pinfric.stops.study import StopResult, stop_summary
 def stop_page(result: StopResult) -> str:
     """Return the stops of a cycle as one HTML page.
 
-    Args:
-        result: of `stop`.
-
     Raises:
-        PinfricError: the extra `report` (jinja2) is not installed.
+        PinfricError: see `page`.
     """
     summary = stop_summary(result)
     axes: list[dict[str, Any]] = []

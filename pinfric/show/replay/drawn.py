@@ -1,4 +1,4 @@
-"""Triangles and tracks of time in the form that meshcat's viewer takes, packed small."""
+"""Triangles and tracks of time for meshcat's viewer, packed small."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ class Surface(mg.Mesh):
 
 
 class _Packed(mg.Geometry):
-    """Positions as whole numbers between the least and the greatest, 1/65000 of the whole apart."""
+    """Positions as 16-bit integers between the least and the greatest."""
 
     def __init__(self, mesh: Any, colored: bool) -> None:
         super().__init__()
@@ -60,7 +60,7 @@ class _Packed(mg.Geometry):
         self.middle, self.half = 0.5 * (low + high), max(0.5 * float((high - low).max()), 1e-9)
 
     def intrinsic_transform(self) -> np.ndarray:
-        """Return the matrix from the whole numbers to m, column after column."""
+        """Return the matrix from the integers to m, by columns."""
         matrix = np.diag([self.half, self.half, self.half, 1.0])
         matrix[3, :3] = self.middle
         return matrix
@@ -81,7 +81,7 @@ class _Packed(mg.Geometry):
 
 
 class Track:
-    """A property over time, as meshcat's `AnimationTrack` but of arrays, not of a list of keys.
+    """A property over time: meshcat's `AnimationTrack`, but of arrays in place of keys.
 
     Args:
         name: of a property of three.js's object.

@@ -1,7 +1,7 @@
-"""Where a replay marks a friction site, and in which colours.
+"""Places and colours of a replay's marks of friction sites.
 
-A ring round the joint's axis says by its colour what the site does. It is drawn twice: solid where
-nothing hides it, and faintly on top of everything, so that a joint inside its housing shows, too.
+A ring round the joint's axis shows the site's state by its colour. It is drawn twice: solid, and
+faintly on top of everything, so a joint inside its housing shows, too.
 """
 
 from __future__ import annotations
@@ -65,8 +65,9 @@ class Marker:
         joint: Pinocchio's index of the joint whose link carries it (0: the ground).
         placement: of the marker in the joint's frame; its z axis is the site's axis.
         radius: of its ring, m.
-        size: m, of what its thickness and arcs are parts: the robot's, less at a small link.
-        turn: (3, 3) from the axes that the site's wrench is given in to the marker's.
+        size: m, to which its thickness and arcs are proportional: the robot's, less at a small
+            link.
+        turn: (3, 3) from the axes of the site's wrench to the marker's.
     """
 
     joint: int
@@ -77,9 +78,9 @@ class Marker:
 
 
 def site_marker(scene: Scene, site: Site, shapes: Sequence[DrawnShape], size: float) -> Marker:
-    """Place a site's ring round its axis at the bearing's middle, outside the links if it can.
+    """Place a site's ring round its axis at the bearing's middle, outside the links if possible.
 
-    A cylinder's is at its end b, round its line as that is at the start, and turns with that link.
+    A cylinder's is at its end b, round its line at the start, and turns with that link.
 
     Args:
         scene: the robot.
@@ -124,7 +125,7 @@ def _outside(
     shapes: Sequence[DrawnShape],
     limits: tuple[float, float],
 ) -> float:
-    """Radius of a ring about z of `placement` that is outside most of the links; 0 for none."""
+    """Return the radius of a ring about z of `placement` outside most of the links; 0: none."""
     # (n, 3) points on the visuals of the joint and of its parent, in the joint's frame at q0
     to_joint = scene.model.jointPlacements[joint].inverse()
     parts = [np.empty((0, 3))]

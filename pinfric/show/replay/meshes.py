@@ -1,7 +1,7 @@
-"""A URDF's visuals as triangles with colours, whatever file they come from.
+"""A URDF's visuals as coloured triangles, from any kind of file.
 
-Read by trimesh, one by one: a mesh that is missing or broken costs no more than itself. (Pinocchio
-refuses all visuals then, and meshcat's own reader of Collada files fails on some of them.)
+trimesh reads them one by one: only a missing or broken mesh is lost. (Pinocchio then refuses all
+visuals, and meshcat's reader of Collada files fails on some.)
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ _MOST_TRIANGLES, _CELL = 80_000, 0.001
 
 @dataclass(frozen=True)
 class DrawnShape:
-    """What is seen of a link: a `<visual>`, or what stands for it.
+    """What is drawn of a link.
 
     Attributes:
         kind: "visual", "body" (a box of equal inertia) or "line" (to the next joint).
@@ -41,7 +41,7 @@ class DrawnShape:
     mesh: Any
 
     def corners(self) -> np.ndarray:
-        """Return the (8, 3) corners of the box round the shape, in the joint's frame."""
+        """Return the (8, 3) corners of the shape's box in the joint's frame."""
         from trimesh.bounds import corners
 
         box = np.asarray(corners(self.mesh.bounds))
@@ -49,7 +49,7 @@ class DrawnShape:
 
 
 def urdf_visuals(model: pin.Model, robot: Robot) -> tuple[list[DrawnShape], dict[str, str]]:
-    """Return a URDF's visuals, and those that cannot be had: file name -> why.
+    """Return a URDF's visuals, and the missing ones: file name -> why.
 
     Args:
         model: the robot, with a frame for each of its links.
@@ -93,10 +93,10 @@ def refuse_nowhere(*numbers: np.ndarray) -> None:
 
 
 def read_mesh(path: Path) -> Any:
-    """Read a mesh file (Collada, STL, OBJ, and what else trimesh knows) as one trimesh, in m.
+    """Read a mesh file (Collada, STL, OBJ, and others of trimesh's) as one trimesh, in m.
 
     Raises:
-        Exception: whatever its reader raises; ValueError where there are no triangles.
+        Exception: whatever its reader raises; ValueError without triangles.
     """
     import trimesh
 
@@ -112,7 +112,7 @@ def read_mesh(path: Path) -> Any:
 
 
 def _colored(part: Any) -> Any:
-    """The part with a colour at each vertex; of one colour, with each vertex once where smooth."""
+    """Colour the part at each vertex; in one colour, merge vertices where it is smooth."""
     import trimesh
 
     refuse_nowhere(part.vertices)
@@ -125,7 +125,7 @@ def _colored(part: Any) -> Any:
 
 
 def _colors(part: Any) -> np.ndarray:
-    """(n, 4) uint8: from a texture, a material, or the vertices; gray where there is nothing."""
+    """(n, 4) uint8 from a texture, a material or the vertices; else gray."""
     visual = part.visual
     try:
         if visual.kind == "texture":
@@ -141,7 +141,6 @@ def _colors(part: Any) -> np.ndarray:
 
 
 def _geometry(geometry: Any, robot: Robot, loaded: dict[Path, Any]) -> Any:
-    """Return one geometry of a URDF as a trimesh of its own."""
     from trimesh import creation
 
     if geometry.mesh is not None:
@@ -162,12 +161,13 @@ def _geometry(geometry: Any, robot: Robot, loaded: dict[Path, Any]) -> Any:
 
 
 def fewer_triangles(meshes: Sequence[Any], size: float) -> list[Any]:
-    """Return meshes that a page can carry: corners within one cell of a grid become one.
+    """Return meshes small enough for a page: corners within one cell of a grid become one.
 
-    The cell grows until there are few enough triangles, no further than a quarter of a mesh.
+    The cell grows until there are few enough triangles, at most to a quarter of a mesh.
 
     Args:
-        meshes: of trimesh, with colours at their vertices. size: of the whole robot, m.
+        meshes: of trimesh, with colours at their vertices.
+        size: of the whole robot, m.
     """
     fewer, cell = list(meshes), _CELL * size
     while sum(len(mesh.faces) for mesh in fewer) > _MOST_TRIANGLES and cell < size:
@@ -176,7 +176,7 @@ def fewer_triangles(meshes: Sequence[Any], size: float) -> list[Any]:
 
 
 def _in_cells(mesh: Any, cell: float) -> Any:
-    """The mesh on the means of its corners in each cell; sharp edges and colours stay."""
+    """Move the mesh's corners to their mean in each cell; keep sharp edges and colours."""
     import trimesh
 
     _, place = np.unique(np.round(mesh.vertices / cell), axis=0, return_inverse=True)

@@ -1,8 +1,7 @@
 """The replay as one HTML file: meshcat's viewer, its animation, the friction, and our controls.
 
-Nothing is fetched: the file plays from a disk without a network. The viewer, the drawing commands
-and the friction are compressed; every browser since 2023 unpacks them by itself. (Meshcat's own
-`static_html` needs its server, does not compress, and sends the animation before the objects.)
+It plays from a disk without a network. (Meshcat's own `static_html` needs its server, does not
+compress, and sends the animation before the objects.)
 """
 
 from __future__ import annotations
@@ -31,10 +30,10 @@ from pinfric.show.timeline.frames import Frames
 
 
 class RecordingWindow:
-    """Keep the commands that a `meshcat.Visualizer(window=...)` sends, in msgpack.
+    """Keeps the commands that a `meshcat.Visualizer(window=...)` sends, in msgpack.
 
     Attributes:
-        commands: as `viewer.handle_command_bytearray` of meshcat's JavaScript takes them.
+        commands: for `viewer.handle_command_bytearray` of meshcat's JavaScript.
     """
 
     def __init__(self) -> None:
@@ -83,7 +82,7 @@ def replay_html(scene: Scene, frames: Frames, title: str) -> str:
 
 
 def _data(scene: Scene, frames: Frames, staged: Stage) -> dict[str, Any]:
-    """What the page's script reads, apart from the frames."""
+    """Return what the page's script reads, without the frames."""
     rows = _rows(frames)
     names = [*scene.site_names, *(row["name"] for row in rows)]
     labels = without(names, *affixes(names))
@@ -124,7 +123,7 @@ def _data(scene: Scene, frames: Frames, staged: Stage) -> dict[str, Any]:
 
 
 def _rows(frames: Frames) -> list[dict[str, Any]]:
-    """Rows in time of what drives do: (colour, spans, words) each, of which later ones win."""
+    """Return rows in time of what drives do: (colour, spans, words) each; later ones win."""
     rows = [
         ("⚙", name, "gear of", [(markers.GEAR_COLOR, spans, "holds by itself")])
         for name, spans in frames.gears.items()
@@ -142,7 +141,7 @@ def _rows(frames: Frames) -> list[dict[str, Any]]:
 
 
 def _legend(scene: Scene, frames: Frames) -> list[tuple[str, str, str]]:
-    """(kind of mark or the mark itself, colour, meaning) of what the page shows."""
+    """Return (kind of mark or the mark itself, colour, meaning) of what the page shows."""
     meanings = markers.MEANINGS | (markers.SIMULATED if frames.simulated else {})
     entries = [
         ("ring" if state == "sliding" else "ring full", markers.COLORS[state], words)
@@ -173,7 +172,7 @@ def _legend(scene: Scene, frames: Frames) -> list[tuple[str, str, str]]:
 
 
 def _most(scene: Scene, frames: Frames) -> dict[str, float]:
-    """The largest friction torque, friction force and reaction force: what is drawn longest."""
+    """Return the largest friction torque, friction force and reaction force, drawn longest."""
     sliding = np.array([site.sliding for site in scene.sites], dtype=bool)
     friction = np.maximum(np.abs(frames.friction_lower), np.abs(frames.friction_upper))
 
@@ -189,7 +188,7 @@ def _most(scene: Scene, frames: Frames) -> dict[str, float]:
 
 
 def _about(scene: Scene, frames: Frames) -> str:
-    """One line below the title."""
+    """Return the line below the title."""
     kind = "Simulated motion" if frames.simulated else "Inverse dynamics along a motion"
     joints = counted(len(scene.sites), "joint") if scene.sites else "no joint"
     gravity = np.array(scene.model.gravity.linear)
@@ -210,5 +209,5 @@ def _template(name: str) -> str:
 
 
 def _fill(template: str, **parts: str) -> str:
-    """Replace each {{name}}; what is put in is not looked at again."""
+    """Replace each {{name}} once; inserted text is not searched."""
     return re.sub(r"\{\{(\w+)\}\}", lambda name: parts[name[1]], template)

@@ -1,4 +1,4 @@
-"""Replay a motion: the robot in 3D with a marker at every joint that sticks or slides."""
+"""Replay of a motion: the robot in 3D with a marker at every joint that sticks or slides."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class Replay:
         return write_file(path, self.page)
 
     def open(self) -> bool:
-        """Show the page in a browser; return False where there is none or no display."""
+        """Show the page in a browser; return False without one or without a display."""
         return self.html is not None and open_page(self.html)
 
     def __repr__(self) -> str:
@@ -73,23 +73,22 @@ def replay(
     """Return a page that plays a motion: robot, joints that stick or slide, forces, intervals.
 
     At each friction site a ring shows by its colour whether the joint slides, sticks, is about to
-    break away, reverses, or is jammed; arcs show its friction (at rest: all it can be, both
-    ways), arrows the force of the parent on the child.
+    break away, reverses, or is jammed; arcs show its friction (at rest its limits), arrows the
+    force of the parent on the child.
 
     Args:
         scene: the robot the motion is of.
         motion: a result of `inverse_dynamics` with times, or a simulated motion.
         html: file to write; None writes none, unless a browser needs one.
-        open_browser: show it at once; where there is no display or no browser, `html` says where
-            the page is.
+        open_browser: show it at once, if there is a display.
         title: heading; None takes the scene's name.
         rate: frames per second; samples at which sticking begins or ends are always frames.
-        log: the log that the motion comes from: where its efforts miss the computed ones is marked.
-        limits: of the drives, as `retime` takes them; which one holds the motion back is marked.
+        log: of the motion; where its efforts differ from the computed ones is marked.
+        limits: of the drives, as `retime` takes them; the one that limits the motion is marked.
 
     Raises:
         StateError: the motion has no times, or is of another scene; limits of a simulated motion.
-        RetimeError: limits that cannot be.
+        RetimeError: impossible limits.
         PinfricError: the file cannot be written.
     """
     expect_scene(scene, "replay")
@@ -120,7 +119,7 @@ def replay_lines(shown: Replay, opened: bool | None) -> list[str]:
 
     Args:
         shown: the replay.
-        opened: whether a browser shows it; None where none was asked for.
+        opened: whether a browser shows it; None: not asked for.
     """
     sticks = len(shown.stick_intervals)
     intervals = "no stiction" if sticks == 0 else f"{sticks} stiction interval{'s' * (sticks > 1)}"
@@ -131,7 +130,7 @@ def replay_lines(shown: Replay, opened: bool | None) -> list[str]:
 
 
 def open_page(page: str | Path) -> bool:
-    """Show a file or an address in a browser; return False where there is none or no display."""
+    """Show a file or an address in a browser; return False without one or without a display."""
     import webbrowser
 
     graphical = ("DISPLAY", "WAYLAND_DISPLAY", "BROWSER")

@@ -1,8 +1,7 @@
-"""The look of a robot: the URDF's visuals, or shapes from inertias if it has none.
+"""The shapes of a robot, each in its joint's own frame, as a viewer moves one node per joint.
 
-Everything is given per joint and in the joint's own frame, so that a viewer moves one node per
-joint. Links without visuals become boxes of equal inertia and lines to the next joints: a robot
-made in Python, or one whose meshes are missing, is never invisible.
+Links without visuals become boxes of equal inertia and lines to the next joints, so a robot made in
+Python, or without its meshes, is visible.
 """
 
 from __future__ import annotations
@@ -42,9 +41,8 @@ class Box:
 def equivalent_box(inertia: pin.Inertia) -> Box | None:
     """Return the uniform box of the same mass and inertia, or None for a body without mass.
 
-    Edge^2 = 6 (J_2 + J_3 - J_1)/m for each principal axis; if that is not positive, as for a point,
-    the edge is `_THINNEST` of the longest. None also if the mass is so small that the box would be
-    larger than any machine.
+    Edge^2 = 6 (J_2 + J_3 - J_1)/m for each principal axis; at least `_THINNEST` of the longest.
+    None also if the box would be larger than any machine.
     """
     mass = inertia.mass
     moments, axes = np.linalg.eigh(inertia.inertia)
@@ -73,7 +71,7 @@ def payload_box(scene: Scene, payload: Payload) -> tuple[int, Box]:
 
 
 def robot_shapes(scene: Scene) -> tuple[DrawnShape, ...]:
-    """Return what to draw; meshes that are not there are replaced, with one `PinfricWarning`."""
+    """Return what to draw; missing meshes are replaced, with one `PinfricWarning`."""
     from trimesh import creation
 
     model = scene.model
@@ -115,7 +113,6 @@ def box_mesh(box: Box, color: tuple[int, ...] = _BODY) -> Any:
 
 
 def linkage_frame(linkage: Linkage, pair: int, side: int) -> tuple[int, pin.SE3]:
-    """Return the joint (0: the ground) that carries side a (0) or b (1) of a loop, cylinder or
-    force, and that frame's placement in the joint's frame."""
+    """Return joint (0: ground) and placement of side a (0) or b (1) of a loop, cylinder, force."""
     placement = pin.SE3(linkage.frame_R[pair, side], linkage.frame_p[pair, side])
     return int(linkage.frame_joint[pair, side]) + 1, placement

@@ -6,8 +6,8 @@ meshcat/world                    turned so that gravity points down
     site <name>/{ring, ghost, disc}     the marker, its z axis the site's axis
     site <name>/{arc_plus, arc_minus}   friction about or along the axis: {body, head}
     site <name>/force                   force of the parent on the child: {body, head}
-    payload <name>
-  cylinder <name>/{barrel, rod}
+    payload <name>, loop <name>, drive <name>
+  cylinder <name>/{barrel, rod}, spring <name>/{barrel, rod}
   stop_<n>                       where the tool stops
 """
 
@@ -60,16 +60,16 @@ class DrawnCylinder:
 
 @dataclass(frozen=True)
 class Stage:
-    """What has been drawn, and its nodes.
+    """The nodes of what has been drawn.
 
     Attributes:
-        joint_paths: nodes of the joints, in the model's order, the universe left out.
-        site_paths: nodes of the markers, in the order of the sites.
+        joint_paths: of the joints, in the model's order, without the universe.
+        site_paths: of the markers, in the order of the sites.
         payload_paths: payload -> node.
-        cylinders: the drives along a line between two links.
+        cylinders: cylinders and springs between links.
         markers: in the order of the sites.
-        middle, distance: of all that moves, in the turned world, and from which `VIEW` holds it, m.
-        size: of the robot (diagonal of the box round it, median over the frames), m.
+        middle, distance: of all that moves, in the turned world; from where `VIEW` holds it, m.
+        size: of the robot (diagonal of its box, median over the frames), m.
     """
 
     joint_paths: tuple[str, ...]
@@ -144,7 +144,7 @@ def set_stage(viewer: Any, scene: Scene, placements: np.ndarray) -> Stage:
 
 
 def animate(viewer: Any, stage: Stage, frames: Frames) -> None:
-    """Let meshcat's animation move joints and cylinders, and show payloads while carried.
+    """Animate joints and cylinders, and show payloads while carried.
 
     Args:
         viewer: with what `set_stage` drew.
@@ -187,12 +187,11 @@ def animate(viewer: Any, stage: Stage, frames: Frames) -> None:
 
 
 def _node(name: str) -> str:
-    """A joint's name as one step of a path."""
     return name.replace("/", "|") or "joint"
 
 
 def _act(placements: np.ndarray, joint: int, points: np.ndarray) -> np.ndarray:
-    """(n, 3) or (3,) points of a joint (0: the ground) in the world, in one frame (nj, 7)."""
+    """Points (n, 3) or (3,) of a joint (0: the ground) in the world, in one frame (nj, 7)."""
     if joint == 0:
         return points
     place = pin.XYZQUATToSE3(placements[joint - 1])
@@ -232,7 +231,7 @@ def _draw_ball(
 
 
 def _draw_payload(node: Any, shape: DrawnShape, scene: Scene, name: str, size: float) -> None:
-    """Draw a payload as a box, and a rod from the origin of the link that carries it."""
+    """Draw a payload as a box, and a rod to the origin of its link."""
     from trimesh import creation
 
     payload = scene.payloads[name]
@@ -291,7 +290,6 @@ def _draw_rod(
 
 
 def _draw_springs(viewer: Any, scene: Scene, size: float) -> tuple[DrawnCylinder, ...]:
-    """Draw the springs between points."""
     if (springs := scene.twin().springs) is None:
         return ()
     every = zip(springs.lines, springs.ends, springs.points, strict=True)
@@ -342,7 +340,7 @@ def _draw_marker(node: Any, marker: Marker, site: Site, size: float) -> None:
 
 
 def _draw_arrow(node: Any, color: str, thickness: float, on_top: bool = False) -> None:
-    """An arrow of length 1 along z; the viewer stretches its body and shifts its head."""
+    """Draw an arrow of length 1 along z; the viewer stretches its body and shifts its head."""
     from trimesh import creation
 
     node["body"].set_object(Surface(_rod(0.7 * thickness), color, on_top=on_top))
@@ -351,7 +349,7 @@ def _draw_arrow(node: Any, color: str, thickness: float, on_top: bool = False) -
 
 
 def _dress(viewer: Any, upright: np.ndarray, floor: float, size: float) -> None:
-    """Background; the grid at the floor in cells of 1, 2 or 5 x 10^n m; the world's axes."""
+    """Set the background, a floor grid in cells of 1, 2 or 5 x 10^n m, and the world's axes."""
     viewer["/Background"].set_property("top_color", [0.965, 0.973, 0.980])
     viewer["/Background"].set_property("bottom_color", [0.835, 0.863, 0.890])
     rough = size / 15.0  # 20 of them: software renderers drop lines that end behind the camera
@@ -367,10 +365,9 @@ def _dress(viewer: Any, upright: np.ndarray, floor: float, size: float) -> None:
 
 
 def _tube(radius: float, thickness: float, angle: float) -> Any:
-    """A tube along an arc about z from the x axis; its faces lie in order along the arc.
+    """Return a tube along an arc about z from the x axis; negative angles turn the other way.
 
-    A viewer that draws the first part of the faces draws the first part of the arc; negative
-    angles turn the other way.
+    Its faces are in order: a viewer that draws the first ones draws the beginning of the arc.
     """
     from trimesh import creation
 
@@ -381,7 +378,6 @@ def _tube(radius: float, thickness: float, angle: float) -> Any:
 
 
 def _rod(radius: float) -> Any:
-    """A rod of length 1 from the origin along z."""
     from trimesh import creation
 
     return creation.cylinder(radius, segment=[np.zeros(3), UP]).smooth_shaded

@@ -1,1 +1,1 @@
-"""Results in words and figures: tables for people, dictionaries for programs."""
+"""Results as tables for people and dictionaries for programs."""

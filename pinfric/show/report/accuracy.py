@@ -1,4 +1,4 @@
-"""Computing time against accuracy, as a table."""
+"""Table of computing time against accuracy."""
 
 from __future__ import annotations
 
@@ -15,10 +15,7 @@ _REFERENCE = "errors against `event` with a 100 times smaller tolerance; rad or 
 
 
 def accuracy_report(accuracy: Accuracy) -> Report:
-    """Return the table and lines that `pinfric accuracy` prints, for a rich console.
-
-    A row a run; one that failed has no figures: a column is too narrow for reasons.
-    """
+    """Return what `pinfric accuracy` prints: a row per run, reasons of failures below the table."""
     own = quantities(TimedRun)
 
     def shown(name: str, run: TimedRun) -> str:

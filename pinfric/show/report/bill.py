@@ -1,4 +1,4 @@
-"""The bill of materials of a sizing: every part once, how many are needed, and for which joints."""
+"""The bill of materials of a sizing: every part with its number and joints."""
 
 from __future__ import annotations
 
@@ -28,12 +28,12 @@ _KIT_SOURCE = f"estimate: {100 * KIT:g} % of motor and gear"
 
 
 def bill_of_materials(report: SizingReport) -> str:
-    """Return the parts of the chosen drives as CSV; empty where none was chosen.
+    """Return the parts of the chosen drives as CSV; empty if none was chosen.
 
     Columns: part, quantity, joints, mass of one and of all (kg), price of one and of all (in the
-    catalogue's currency), dimensions, source, its grade; what is not known stays empty. Housing,
-    shaft and bearings of a frameless kit are one line, so that the masses add up to those of the
-    drives. Joints that cannot be signed are left out.
+    catalogue's currency), dimensions, source, its grade; unknown ones are empty. Housing, shaft and
+    bearings of a frameless kit are one line, so masses add up to the drives'. Joints that cannot be
+    signed are left out.
     """
     if report.catalog is None:
         return ""
@@ -73,9 +73,10 @@ def bill_of_materials(report: SizingReport) -> str:
 def _parts(
     catalog: Catalog, report: SizingReport, joint: JointSizing, still: Standstill
 ) -> Iterator[tuple[str, Sourced | float]]:
-    """The parts of one joint's choice: motor and gear or gearmotor, kit, brake, own bearing.
+    """Yield name and entry of each part of one joint's choice.
 
-    By name, with its entry; what makes a drive of a frameless kit has a mass (kg) only.
+    Motor and gear or gearmotor, kit, brake, the joint's own bearing; the kit of a frameless drive
+    has only a mass (kg).
     """
     if joint.choice is None:
         return

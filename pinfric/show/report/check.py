@@ -1,4 +1,4 @@
-"""The findings of `pinfric check`, as a list for people."""
+"""The findings of `pinfric check`, as a list."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _MOST_NAMES = 4
 
 
 def check_report(report: CheckReport) -> list[RenderableType]:
-    """Return the list that `pinfric check` prints, for a rich console."""
+    """Return what `pinfric check` prints."""
     from rich.text import Text
 
     figures, title = report.figures, Path(report.source).name
@@ -32,7 +32,7 @@ def check_report(report: CheckReport) -> list[RenderableType]:
 
 
 def doubts(report: CheckReport) -> list[RenderableType]:
-    """Return what `pinfric new` says of a robot: errors, warnings, and how many notes."""
+    """Return what `pinfric new` prints of a robot: errors, warnings, and how many notes."""
     from rich.text import Text
 
     grave = [finding for finding in report.findings if finding.severity > Severity.NOTE]
@@ -65,7 +65,7 @@ def finding_list(findings: Iterable[Finding]) -> RenderableType:
 
 
 def _others(same: list[Finding]) -> str:
-    """The places of further findings of the same kind."""
+    """Return the places of further findings of one kind."""
     if not same:
         return ""
     word = same[0].place.partition(" ")[0]

@@ -35,7 +35,7 @@ def choice_table(
     cells: Mapping[str, Callable[[SizedJoint], str]] | None = None,
     short: bool = False,
 ) -> Table | None:
-    """Return the drives that were chosen, of a sizing with a catalogue.
+    """Return the chosen drives of a sizing with a catalogue.
 
     Args:
         cells: fields to show beside the usual ones or in another way, and how.
@@ -46,14 +46,14 @@ def choice_table(
 
 
 def rating_table(summary: SizingSummary) -> Table | None:
-    """Return what a rating asks of each joint; None without one."""
+    """Return what a rating demands of each joint; None without one."""
     rows = () if summary.rating is None else summary.rating.joints
     title = "the rating, each joint in its worst posture and alone"
     return table_of(title, rows, zero=_ROUNDING)
 
 
 def mounting_table(summary: SizingSummary) -> Table | None:
-    """Return which of several mountings is the hardest for each joint; None where there is one."""
+    """Return the hardest of several mountings for each joint; None if there is one."""
     return table_of("the hardest mounting of each joint", summary.mountings, zero=_ROUNDING)
 
 
@@ -82,7 +82,7 @@ def smaller_table(summary: SizingSummary) -> Table | None:
 
 
 def brake_line(summary: SizingSummary) -> list[str]:
-    """Return the brakes of the chosen drives, in a line, and what the joints without one do."""
+    """Return the brakes of the chosen drives, and why other joints need none."""
     joints: dict[str, list[str]] = {}
     without: dict[str, list[str]] = {}
     for joint in summary.joints:
@@ -96,7 +96,7 @@ def brake_line(summary: SizingSummary) -> list[str]:
 
 
 def by_text(lines: Iterable[str]) -> dict[str, dict[str, None]]:
-    """Return of lines `name: text` the names of each text, each once."""
+    """Return the names for each text of lines `name: text`, each once."""
     whose: dict[str, dict[str, None]] = {}
     for line in lines:
         name, _, text = line.partition(": ")
@@ -105,7 +105,7 @@ def by_text(lines: Iterable[str]) -> dict[str, dict[str, None]]:
 
 
 def product_lines(summary: SizingSummary) -> list[str]:
-    """Return what the catalogue remarks on the products taken, a line each; none: nothing."""
+    """Return the catalogue's remarks on the chosen products, a line each."""
     taken = (joint.installed for joint in summary.joints)
     products = by_text(note for one in taken if one is not None for note in one.notes)
     retyped = list(products.pop(RETYPED, {}))
@@ -115,7 +115,7 @@ def product_lines(summary: SizingSummary) -> list[str]:
 
 
 def provisional_table(summary: SizingSummary) -> Table | None:
-    """Return what would fit joints for which nothing can be signed; None: there are none."""
+    """Return what would fit joints without a signed drive; None: there are none."""
     rows = [joint for joint in summary.joints if joint.provisional is not None]
     asked = dict.fromkeys(x for j in rows for x in (j.provisional.ask if j.provisional else ()))
     only = ("name", *(f"provisional.{name}" for name in ("drive", "mass", "would")))
@@ -125,10 +125,10 @@ def provisional_table(summary: SizingSummary) -> Table | None:
 def ask_table(summary: SizingSummary, most: int = 0) -> Table | None:
     """Return the products that lack a figure, fewest figures first; None: none.
 
-    Where drives are chosen, these are lighter ones.
+    Where drives are chosen, only lighter ones.
 
     Args:
-        summary: the sizing. most: rows to show; 0: all.
+        most: rows to show; 0: all.
     """
     rows, short = summary.ask[: most or None], short_names([joint.name for joint in summary.joints])
     cells = {"joints": lambda row: ", ".join(short[name] for name in row.joints)}
@@ -155,7 +155,7 @@ def _brake(joint: SizedJoint) -> str:
 
 
 def holds_alone(joint: SizedJoint) -> str:
-    """Return whether friction alone holds a joint, and the used part of it."""
+    """Return whether friction alone holds a joint, and its reserve."""
     still = joint.standstill
     if still.held is None:
         return "not known"
@@ -169,7 +169,7 @@ def holds_alone(joint: SizedJoint) -> str:
 def unchecked_table(
     summary: SizingSummary, title: str = "not checked, a value is missing"
 ) -> Table | None:
-    """Return what was not checked, and the figures that are missing; None if nothing."""
+    """Return what was not checked, with the missing figures; None if nothing."""
     short = short_names([joint.name for joint in summary.joints])
 
     def joints(row: Unchecked) -> str:
@@ -201,7 +201,7 @@ def bus_table(report: SizingReport) -> Table | None:
 
 
 def bus_lines(report: SizingReport) -> list[str]:
-    """Return how the energy that is fed back is absorbed, and which drives are left out."""
+    """Return how braking energy is absorbed, and which drives are left out."""
     bus = report.bus
     lines = [f"braking: {bus.remedy}"]
     steppers = {

@@ -1,4 +1,4 @@
-"""Effects of elastic gears, as tables for people: mm, arcmin."""
+"""Effects of elastic gears as tables in mm and arcmin."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ _NO_MASS = "no natural frequency: nothing that the elastic gears carry has a mas
 
 
 def elastic_line(summary: ElasticSummary) -> str:
-    """Return in a line how far the tool is off at rest, and the lowest frequency."""
+    """Return in a line the tool's error at rest, and the lowest frequency."""
     lowest, places = summary.lowest_frequency, [rest.tool for rest in summary.rests if rest.tool]
     said = f"lowest frequency, motors held: {digits(lowest.least)} Hz at {lowest.time:.2f} s"
     if not np.isfinite(lowest.least):

@@ -1,4 +1,4 @@
-"""What every `--json` prints around its result, and the schema of all of it."""
+"""The frame of every `--json` result, and the schema of all of it."""
 
 from __future__ import annotations
 
@@ -18,13 +18,12 @@ def envelope(
     inputs: Iterable[str | Path] = (),
     warnings: Sequence[str] = (),
 ) -> dict[str, Any]:
-    """Return the JSON of one run of a command; SI units, None for what is no number.
+    """Return the JSON of one run of a command; SI units, None for NaN and infinity.
 
     Args:
-        command: its name.
         scene: its file; empty: none.
         inputs: names of files that were read; what is no file is left out.
-        warnings: what was noticed on the way.
+        warnings: of this run.
     """
     return {
         "pinfric": __version__,

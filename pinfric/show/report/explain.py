@@ -1,4 +1,4 @@
-"""Cost and change of each effect of a scene, as tables for people."""
+"""Cost and change of each effect of a scene, as tables."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _CALLED = ("name", "on", "why")
 
 
 def explain_report(explanation: Explanation, scene: str) -> Report:
-    """Return the tables and lines that `pinfric explain` prints, for a rich console."""
+    """Return what `pinfric explain` prints."""
     name = Path(scene).stem
     faint = frozenset(i for i, row in enumerate(explanation.effects) if not row.on)
     called = table_of(f"{name}: effects", explanation.effects, only=_CALLED, faint=faint)

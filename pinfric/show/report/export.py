@@ -1,4 +1,4 @@
-"""Errors of an export's constants, as a table for people."""
+"""Errors of an export's constants, as a table."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from pinfric.show.report.values import digits
 
 
 def export_report(exported: Exported) -> Report:
-    """Return the table and lines that `pinfric export` prints, for a rich console."""
+    """Return what `pinfric export` prints."""
     form = FORMATS[exported.to]
     title = f"{Path(exported.scene).stem} · {file_name(exported.trajectory)}: {form.title}"
     uncertain = [

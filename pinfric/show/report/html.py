@@ -1,4 +1,4 @@
-"""Tables as HTML: on pages the same as on the terminal."""
+"""Tables as HTML."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ _BREAKS = "_./"
 
 
 def html_of(table: Table) -> str:
-    """Return a table as HTML: headings and cells as on the terminal, numbers to the right."""
+    """Return a table as HTML, as on the terminal: numbers to the right."""
     left = [column.kind is not ColumnKind.NUMBER for column in table.columns]
     names = [column.kind is ColumnKind.NAME for column in table.columns]
     heads = "".join(
@@ -42,7 +42,7 @@ def mark(kind: str, text: str, title: str = "") -> Marked:
     """Return text on a coloured ground: "ok", "tight", "bad", "none" or "free" of the pages' style.
 
     Args:
-        title: what is shown where a reader points at it.
+        title: shown where a reader points at it.
     """
     more = f' title="{escape(title)}"' if title else ""
     return Marked(f'<span class="m {kind}"{more}>{escape(text)}</span>')

@@ -1,4 +1,4 @@
-"""Result of an identification, as tables for people."""
+"""Result of an identification, as tables."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ _PAGE = ("rest.largest", "rest.share", "spread_between_logs")
 def identify_report(
     identified: Identified, summary: IdentifySummary, verbose: bool = True, written: bool = False
 ) -> Report:
-    """Return the tables and lines that `pinfric identify` prints, for a rich console.
+    """Return what `pinfric identify` prints.
 
     Args:
         verbose: also the coefficients, and all notes.
-        written: the files of --out are, and the last line does not name it.
+        written: see `sizing_report`.
     """
     logs = ", ".join(one.name for one in summary.logs)
     duration = sum(one.duration for one in summary.logs)
@@ -54,7 +54,7 @@ def identify_report(
 
 
 def verdict(summary: IdentifySummary) -> str:
-    """Return in a line of how many joints the friction was found, and how well it is known."""
+    """Return in a line for how many joints friction was found, and how well it is known."""
     explained = sum(joint.law is not None for joint in summary.joints)
     known = sum(parameter.determined for parameter in summary.parameters)
     said = f"friction of {explained} of {counted(len(summary.joints), 'joint')} found; {known} of "

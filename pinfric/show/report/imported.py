@@ -1,4 +1,4 @@
-"""How a table of a maker was understood, for people."""
+"""How a maker's table was understood."""
 
 from __future__ import annotations
 

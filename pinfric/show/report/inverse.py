@@ -1,4 +1,4 @@
-"""Result of inverse dynamics, as tables and lines for people."""
+"""Result of inverse dynamics, as tables and lines."""
 
 from __future__ import annotations
 
@@ -31,12 +31,12 @@ def inverse_report(
     log: JudgedLog | None = None,
     verbose: bool = True,
 ) -> Report:
-    """Return the tables and lines that `pinfric inverse` prints, for a rich console.
+    """Return what `pinfric inverse` prints.
 
     Args:
         result: with times.
         log: how the trajectory was read, if it came from samples.
-        verbose: elastic gears rest by rest and gear by gear; else in a line.
+        verbose: elastic gears by rest and gear; else in a line.
     """
     elastic = summary.elasticity
     bent: Sequence[Table | Sequence[str] | None] = ()
@@ -111,7 +111,7 @@ def log_lines(log: JudgedLog | None, units: Mapping[str, str]) -> list[str]:
     """Return "filtered at 11 Hz, noise 1.0e-05 rad, peak efforts known to ±0.4 N m", or nothing.
 
     Args:
-        log: None where the motion is no log's.
+        log: None if the motion is not a log's.
         units: drive -> N m or N.
     """
     if log is None or not log.reading.noise_line:
@@ -131,7 +131,7 @@ def _effort_table(result: InverseResult, summary: InverseSummary) -> Table | Non
     known = {} if summary.input is None else summary.input.peak_uncertainty
 
     def peak(drive: ActuatorSummary) -> str:
-        """The peak effort, and how far it is known where that is more than a tenth of it."""
+        """The peak effort, with its uncertainty if this is more than a tenth of it."""
         uncertain = known.get(drive.name, 0.0)
         doubt = f" ±{rough(uncertain)}" if uncertain > max(0.1 * drive.peak, zero) else ""
         return f"{digits(drive.peak, zero)}{doubt}"

@@ -1,4 +1,4 @@
-"""Result of a simulation, as tables for people."""
+"""Result of a simulation, as tables."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _MOST_ROWS = 12
 
 
 def motion_report(motion: Motion, summary: MotionSummary) -> Report:
-    """Return the tables and lines that `pinfric simulate` prints, for a rich console."""
+    """Return what `pinfric simulate` prints."""
     motors = motion.motor_torque is not None
     title = (
         f"{Path(motion.scene.source).stem} · {summary.method}: {digits(summary.t_end)} s, "
@@ -48,7 +48,7 @@ def _first(
 
 
 def _energy_table(energy: EnergySummary, motors: bool) -> Table:
-    """The balance; of many sites those with the most heat, and the rest in one line."""
+    """The balance; of many sites those with the most heat, the rest in one line."""
     losses = {f"heat at {site}": loss for site, loss in energy.friction_loss.items()}
     if motors:
         losses |= {f"heat in the gear of {drive}": x for drive, x in energy.gear_loss.items()}

@@ -1,4 +1,4 @@
-"""Names that are too long for their place: cut so that each still stands for one name only."""
+"""Long names, cut so that each stays unique."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ _WORTH = 3
 def affixes(names: Sequence[str]) -> tuple[str, str]:
     """Return the beginning and the end that all names share, up to a separator: _ . / - or blank.
 
-    Empty where there is none worth naming, or where nothing would be left of a name; a beginning
-    stays where it would leave a number alone.
+    Empty if too short, or if nothing would be left of a name; a beginning stays if only a number
+    would be left.
     """
     unique = list(dict.fromkeys(names))
     if len(unique) < 2:
@@ -32,18 +32,18 @@ def affixes(names: Sequence[str]) -> tuple[str, str]:
 
 
 def without(names: Sequence[str], front: str, back: str) -> list[str]:
-    """Return the names without what they begin and end with."""
+    """Return the names without this beginning and end."""
     return [name.removeprefix(front).removesuffix(back) for name in names]
 
 
 def short_names(names: Sequence[str]) -> dict[str, str]:
-    """Return name -> name without what all of them begin and end with: as every table says it."""
+    """Return name -> name without the common beginning and end, as in all tables."""
     front, back = affixes(names)
     return dict(zip(names, without(names, front, back), strict=True))
 
 
 def said_short(text: str, short: Mapping[str, str]) -> str:
-    """Return a text with its names as tables say them; whole in quotes and in keys: mu.elbow_joint.
+    """Return a text with names short as in tables, but whole in quotes and keys: mu.elbow_joint.
 
     Args:
         short: of `short_names`.
@@ -57,10 +57,10 @@ def said_short(text: str, short: Mapping[str, str]) -> str:
 
 
 def picture_names(names: Sequence[str], room: int) -> tuple[list[str], str]:
-    """Return names as a picture shows them, and "; left out of each name: …" for its title.
+    """Return names for a picture, and "; left out of each name: …" for its title.
 
     Args:
-        room: letters that each has.
+        room: letters for each.
     """
     front, back = affixes(names)
     note = left_out(front, back)
@@ -68,7 +68,7 @@ def picture_names(names: Sequence[str], room: int) -> tuple[list[str], str]:
 
 
 def left_out(front: str, back: str) -> str:
-    """Return the line that says what `without` took away; empty for nothing."""
+    """Return the line that states what `without` removed; empty for nothing."""
     shared = [f"{front}…"] * bool(front) + [f"…{back}"] * bool(back)
     return f"left out of each name: {' and '.join(shared)}" if shared else ""
 
@@ -76,7 +76,7 @@ def left_out(front: str, back: str) -> str:
 def shortened(names: Sequence[str], room: int) -> list[str]:
     """Cut names longer than `room` letters in their middle: "hand_ind…tual_1".
 
-    Where the ends do not tell them apart they are cut around the part in which they differ.
+    Where their ends are alike they are cut around the part in which they differ.
     """
     cut = _cut_in_the_middle(names, room)
     if cut is not None:
@@ -88,13 +88,13 @@ def shortened(names: Sequence[str], room: int) -> list[str]:
 
 
 def least_room(names: Sequence[str]) -> int:
-    """Return the letters that names need so that, cut in the middle, each is one name only."""
+    """Return the number of letters that keeps names, cut in the middle, unique."""
     longest = max(map(len, names), default=0)
     return next((r for r in range(3, longest) if _cut_in_the_middle(names, r)), longest)
 
 
 def _cut_in_the_middle(names: Sequence[str], room: int) -> list[str] | None:
-    """Names with their ends kept, as evenly as tells them apart; None where nothing does."""
+    """Keep the names' ends, as evenly as keeps them unique; None if nothing does."""
     unique = set(names)
     kept = room - 1
     if kept < 2:
@@ -121,7 +121,7 @@ def _cut_in_the_middle(names: Sequence[str], room: int) -> list[str] | None:
 
 
 def _common(names: Sequence[str]) -> int:
-    """Number of letters that all names begin with."""
+    """Return the number of letters that all names begin with."""
     columns = zip(*names, strict=False)
     return sum(1 for _ in itertools.takewhile(lambda letters: len(set(letters)) == 1, columns))
 

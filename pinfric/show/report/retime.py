@@ -1,4 +1,4 @@
-"""Result of retiming, as tables for people."""
+"""Result of retiming, as tables."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from pinfric.show.report.values import digits, percent
 def retime_report(
     result: RetimeResult, summary: RetimeSummary, verbose: bool = True, written: bool = False
 ) -> Report:
-    """Return the tables and lines that `pinfric retime` prints, for a rich console.
+    """Return what `pinfric retime` prints.
 
     Args:
         verbose: also the moves one by one.
-        written: the files of --out are, and the last line does not name it.
+        written: see `sizing_report`.
     """
     holds = summary.holds
     moves = [
@@ -71,7 +71,7 @@ def retime_report(
 
 
 def verdict(summary: RetimeSummary) -> str:
-    """Return in a line how long the motion takes, and which drive holds it back most."""
+    """Return in a line the motion's duration, and the drive that limits it most."""
     said = f"{digits(summary.duration)} s"
     if summary.before is not None:
         faster = 100.0 * (1.0 - summary.duration / summary.before)

@@ -1,4 +1,4 @@
-"""The bundled robots whose friction was measured, as a table for people."""
+"""The bundled robots with measured friction, as a table."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from pinfric.show.report.tables import Column, ColumnKind, Report, Table, paragr
 
 
 def robots_report() -> Report:
-    """Return the table that `pinfric robots` prints, for a rich console."""
+    """Return what `pinfric robots` prints."""
     heads = ("name", "robot", "grade", "to speed\nrad/s", "deg C", "side")
     columns = [Column(head, ColumnKind.LABEL) for head in heads]
     rows = []

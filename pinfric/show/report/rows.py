@@ -1,4 +1,4 @@
-"""Tables of described results: a row each, a column for every field that has a heading."""
+"""Tables of described results: a row each, a column for every field with a heading."""
 
 from __future__ import annotations
 
@@ -35,16 +35,17 @@ def table_of(
     zero: float | Callable[[Any], float] = 0.0,
     **layout: Any,
 ) -> Table | None:
-    """Return the table of described rows of one class; None where there are none.
+    """Return the table of described rows of one class; None without rows.
 
-    A column of which no row knows anything is left out; efforts' unit stands in the headings where
-    all rows share it, else in a column of its own.
+    Columns without any value are left out; efforts' unit is in the headings if all rows share it,
+    else in a column of its own.
 
     Args:
-        only: fields to show, also such as have no heading; none: all with one.
+        only: fields to show, also without a heading; none: all with one.
+        without: fields to leave out.
         cells: field -> what it shows of a row, in place of its own cell.
-        zero: efforts that are not larger print as 0; a number, or of a row. Where rows have no
-            efforts it is for all figures.
+        zero: efforts up to this print as 0; a number, or of a row. Without efforts it is for all
+            figures.
     """
     if not rows:
         return None
@@ -67,7 +68,7 @@ def table_of(
 
 
 class _Shown(NamedTuple):
-    """A column: heading and unit, how it behaves, a text of each row."""
+    """A column: heading and unit, its kind, a text for each row."""
 
     heading: str
     unit: str
@@ -82,7 +83,7 @@ def _column(
     write: Callable[[Any], str] | None,
     zero: float | Callable[[Any], float],
 ) -> _Shown | None:
-    """A field's column; None where it says nothing. Arguments as of `table_of`."""
+    """Return a field's column; None if it is empty. Arguments as of `table_of`."""
     values = [value_at(row, name) for row in rows]
     if field.heading.endswith("unit") and len(set(values)) == 1:
         return None
@@ -100,7 +101,7 @@ def _column(
 
 
 def shown_fields(rows: Sequence[Any]) -> Iterator[tuple[str, Quantity]]:
-    """Yield the columns of described rows: names as `value_at` takes them, and what they are.
+    """Yield the columns of described rows: names as `value_at` takes them, and their descriptions.
 
     A part whose heading ends with "*" gives its fields, a mapping a column for each of its keys.
     """
@@ -125,7 +126,7 @@ def shown_fields(rows: Sequence[Any]) -> Iterator[tuple[str, Quantity]]:
 def value_at(row: Any, path: str) -> Any:
     """Return a field of a row: `peak`, of a part `error.rms`, of a mapping `shares[elbow]`.
 
-    None where the part is none, or the mapping has no such key.
+    None if the part is None, or the mapping lacks the key.
     """
     name, _, key = path.partition("[")
     value = row
@@ -135,7 +136,7 @@ def value_at(row: Any, path: str) -> Any:
 
 
 def shown_unit(field: Quantity, rows: Sequence[Any]) -> str:
-    """Return the unit of a column's cells; empty where the rows' own differ, or none is shown."""
+    """Return the unit of a column's cells; empty if rows differ, or none is shown."""
     spec = next((s for _, n, s, _ in Formatter().parse(field.cell) if n and s), "")
     if spec in DISPLAYS or spec in ("%", "percent", "margin"):
         return spec if spec in DISPLAYS else ""
@@ -152,10 +153,10 @@ def heading(text: str, unit: str) -> str:
 
 
 def kind(field: Quantity, values: Sequence[Any], texts: Sequence[str]) -> ColumnKind:
-    """Return how a column behaves: numbers, names, short words or long ones.
+    """Return a column's kind: numbers, names, short words or long ones.
 
     Args:
-        texts: what the column shows of them.
+        texts: what the column shows of its values.
     """
     if field.name:
         return ColumnKind.NAME
@@ -190,10 +191,10 @@ def text_of(value: Any, display: str = "", zero: float = 0.0) -> str:
 
     Args:
         value: a number, words, a pair of least and worst, None.
-        display: its unit for people, of `DISPLAYS` or "%", of a small
-            share "percent", of what is left of a limit "margin"; "+": with its sign;
-            "decade": 3.7e-5; or a format of Python: ".2f".
-        zero: what is not larger prints as 0.
+        display: its unit for people, of `DISPLAYS` or "%"; "percent" for a small share, "margin"
+            for the rest of a limit, "+" with a sign, "decade" as 3.7e-5; or a format of Python:
+            ".2f".
+        zero: values up to this print as 0.
     """
     if value is None:
         return NONE

@@ -1,4 +1,4 @@
-"""Sizing in words and figures, as tables for people."""
+"""Result of a sizing, as tables."""
 
 from __future__ import annotations
 
@@ -50,11 +50,11 @@ _ASKED = 3
 
 
 def sizing_report(report: SizingReport, verbose: bool = True, written: bool = False) -> Report:
-    """Return the tables and lines that `pinfric size` prints, for a rich console.
+    """Return what `pinfric size` prints.
 
     Args:
         verbose: all of it; else what is chosen, what fails, and what to ask for.
-        written: the files of --out are, and the last line does not name it.
+        written: the files of --out are written; the last line does not name it.
     """
     notes = [f"note: {line}" for line in report.notes]
     failing = [*beyond_limits(report.result_without_masses), *report.verdict.failing]
@@ -95,7 +95,6 @@ def sizing_report(report: SizingReport, verbose: bool = True, written: bool = Fa
 def _short(
     report: SizingReport, summary: SizingSummary, opening: Sequence[Any], written: bool
 ) -> Report:
-    """What is chosen, what fails, and what to ask for."""
     first = [f"note: {line}" for line in report.assumptions[: len(report.unclosed) > 0]]
     kinds = counted(len(summary.unchecked), "kind of criteria was", "kinds of criteria were")
     ending = [
@@ -115,7 +114,7 @@ def _short(
 
 
 def friction_line(report: SizingReport) -> list[str]:
-    """Return whose friction is taken as the old drives', where drives were chosen."""
+    """Return for how many joints friction is taken as the old drive's, where drives were chosen."""
     names = report.given.actuator_names
     sites = sites_of(report.given, names)
     reasons = [
@@ -131,7 +130,7 @@ def friction_line(report: SizingReport) -> list[str]:
 
 
 def rating_lines(summary: SizingSummary) -> list[str]:
-    """Return what the robot is rated for, and the lowest frequency with that payload."""
+    """Return the robot's rating, and the lowest frequency with that payload."""
     if (rating := summary.rating) is None:
         return []
     most = max(rating.joints, key=lambda joint: joint.held)
@@ -180,7 +179,7 @@ def elastic_lines(report: SizingReport) -> list[str]:
 
 
 def repetition(report: SizingReport) -> str:
-    """Return how the cycle is assumed to repeat, in words."""
+    """Return how the cycle is assumed to repeat."""
     if report.rating is not None and report.rating.duty is None:
         return "means of each joint over its own part"
     if len(list(report.duty.parts())) > 1:
@@ -204,7 +203,7 @@ def demand_table(report: SizingReport) -> Table | None:
 
 
 def power_table(report: SizingReport) -> Table | None:
-    """Return the further table of the page: speed, friction, power, energy, bearing loads."""
+    """Return the page's further table: speed, friction, power, energy, bearing loads."""
     title = f"power, energy per {turn(report)}, loads of bearings"
     return _demands(report, title, only=("name", "unit", *_ON_THE_PAGE))
 
@@ -222,7 +221,7 @@ def _demands(
 
 
 def verdict(report: SizingReport) -> str:
-    """Return the headline, and in the same line what is not checked or guessed."""
+    """Return in a line the headline, and what is not checked or guessed."""
     if report.catalog is None:
         beyond = beyond_limits(report.result_without_masses)
         within = f"{counted(len(beyond), 'drive')} beyond the URDF's effort limits; " * bool(beyond)
@@ -242,7 +241,7 @@ def verdict(report: SizingReport) -> str:
 
 
 def passes(report: SizingReport) -> str:
-    """Return how the choice of drives ended, in words."""
+    """Return how the choice of drives ended."""
     count = f"{report.passes} pass" + "es" * (report.passes != 1)
     return (
         f"settled after {count}" if report.settled else f"not settled after {count}: it alternates"

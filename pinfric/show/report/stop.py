@@ -1,4 +1,4 @@
-"""Stops of a cycle, as tables for people."""
+"""Stops of a cycle, as tables."""
 
 from __future__ import annotations
 
@@ -14,11 +14,12 @@ from pinfric.stops.study import StopSummary
 def stop_report(
     scene: str, summary: StopSummary, verbose: bool = True, written: bool = False
 ) -> Report:
-    """Return the tables and lines that `pinfric stop` prints, for a rich console.
+    """Return what `pinfric stop` prints.
 
     Args:
-        scene: its file. summary: the stops. verbose: also by payload and speed, and all notes.
-        written: the files of --out are, and the last line does not name it.
+        scene: its file.
+        verbose: also by payload and speed, and all notes.
+        written: see `sizing_report`.
     """
     title = f"{Path(scene).stem} · {Path(summary.trajectory).name}: {how(summary)}"
     failing = [f"! {line}" for line in summary.unmet]
@@ -34,12 +35,12 @@ def stop_report(
 
 
 def axes_table(summary: StopSummary, title: str = "the worst stops of each axis") -> Table | None:
-    """Return the worst of each drive's joint."""
+    """Return the worst stops of each drive's joint."""
     return table_of(title, summary.axes)
 
 
 def verdict(summary: StopSummary) -> str:
-    """Return in a line how long a stop takes, how far the tool goes, and what is not met."""
+    """Return in a line the longest stop, the tool's path, and what is not met."""
     at = f"commanded at {digits(summary.command)} s"
     said = f"every stop ends within {digits(summary.time)} s ({at})"
     if summary.path is not None:
@@ -52,7 +53,7 @@ def verdict(summary: StopSummary) -> str:
 
 
 def not_checked(summary: StopSummary) -> list[str]:
-    """Return a line for each criterion that was not checked: of which axes, and what is missing."""
+    """Return a line for each unchecked criterion: its axes, and what is missing."""
     axes: dict[tuple[str, str], list[str]] = {}
     for axis in summary.axes:
         for criterion in axis.criteria:
@@ -62,7 +63,7 @@ def not_checked(summary: StopSummary) -> list[str]:
 
 
 def how(summary: StopSummary) -> str:
-    """Return how the robot was stopped, in words."""
+    """Return how the robot was stopped."""
     least, greatest = summary.friction
     friction = "" if least == greatest == 1.0 else f", friction x {least:g} to {greatest:g}"
     return (

@@ -1,4 +1,4 @@
-"""Result of a sweep, as tables for people."""
+"""Result of a sweep, as tables."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _DESIGNS = {
 
 
 def sweep_report(result: SweepResult, summary: SweepSummary) -> Report:
-    """Return the tables and lines that `pinfric sweep` prints, for a rich console."""
+    """Return what `pinfric sweep` prints."""
     title = f"{Path(result.scene).stem} · {Path(result.trajectory).name}: "
     title += f"{result.samples} {_DESIGNS[result.sampling]}"
     tables: list[Table | None] = []
@@ -82,7 +82,7 @@ def _elastic_table(result: SweepResult, figures: dict[str, np.ndarray]) -> Table
 
 
 def _driver_table(result: SweepResult, where: str) -> Table:
-    """Which parameters decide a drive's peak and RMS."""
+    """The most influential parameters on each drive's peak and RMS."""
     signed = not result.has_shares
     columns = [Column("joint", ColumnKind.NAME)]
     rows = [[drive] for drive in result.actuator_names]
@@ -114,15 +114,15 @@ def own(parameter: str, drive: str) -> str:
 
 
 def brief(parameter: str) -> str:
-    """Return a parameter's name without its section, which the key tells: panda_joint5.coulomb."""
+    """Return a parameter's name without its section: panda_joint5.coulomb."""
     return parameter.split(".", 1)[-1]
 
 
 def _failures(motor: TriedMotor, unsolved: float) -> str:
-    """The criteria that fail in any sample, and in how many, the most frequent first.
+    """The criteria that fail in any sample, and how often, the most frequent first.
 
     Args:
-        unsolved: share of samples without a solution, which meet none and are said apart.
+        unsolved: share of samples without a solution, stated apart.
     """
     missed = {name: 1.0 - met.value - unsolved for name, met in motor.criteria.items()}
     shares = {name: share for name, share in missed.items() if share > _NONE}
@@ -131,7 +131,7 @@ def _failures(motor: TriedMotor, unsolved: float) -> str:
 
 
 def percent(probability: Probability, interval: bool = False) -> str:
-    """Return a share as text, with its confidence interval where asked for and known."""
+    """Return a share as text, with its confidence interval if asked for and known."""
     text = f"{100 * probability.value:.1f} %"
     if interval and probability.low is not None and probability.high is not None:
         text += f" ({100 * probability.low:.1f}–{100 * probability.high:.1f})"  # noqa: RUF001
@@ -139,7 +139,7 @@ def percent(probability: Probability, interval: bool = False) -> str:
 
 
 def _motors(result: SweepResult) -> str:
-    """Which motors suffice, in words: all, or how many were on trial."""
+    """State which motors suffice: all, or how many were on trial."""
     tried, drives = len(result.trials), len(result.actuator_names)
     if tried == drives:
         return "all motors suffice"
@@ -149,7 +149,7 @@ def _motors(result: SweepResult) -> str:
 
 
 def _trial_notes(result: SweepResult) -> list[str]:
-    """What was not checked, and what was put into the model."""
+    """State what was not checked, and which masses were added to the model."""
     lines = []
     for trial in result.trials:
         if missing := result.not_checked(trial):

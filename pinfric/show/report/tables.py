@@ -1,12 +1,10 @@
-"""The one table of all reports: it fits the width it is printed at, and never cuts a number.
+"""The table of all reports: it fits the width, and never cuts a number.
 
-    Table("efforts", (Column("joint", Kind.NAME), Column("peak\\nN m")), [("elbow", "5.20")])
+    Table("efforts", (Column("joint", ColumnKind.NAME), Column("peak\\nN m")), [("elbow", "5.20")])
 
-A report leaves out what all its names begin and end with (`paragraphs` says so once, above); names
-that still do not fit lose letters in their middle; words are wrapped; columns that do not fit go
-into a further block below, each with the names again. The width is that of the terminal (of any of
-the three standard streams, so also behind `| less`), or the environment's COLUMNS; without either
-it is 80.
+Names lose letters in their middle; words are wrapped; columns that do not fit go into a further
+block below, with the names again. The width is that of the terminal (of any standard stream, so
+also behind `| less`), or the environment's COLUMNS, else 80.
 """
 
 from __future__ import annotations
@@ -31,7 +29,7 @@ _NAME, _WORDS = 14, 20
 
 
 class ColumnKind(Enum):
-    """How a column behaves where room is short."""
+    """How a column behaves in little room."""
 
     #: Right-aligned; never cut, never wrapped.
     NUMBER = "number"
@@ -47,7 +45,7 @@ class ColumnKind(Enum):
 class Column:
     """A column's heading, of one or more lines, and its kind.
 
-    `among`: of names, further ones that are not in the table; a cut name is not one of them.
+    `among`: further names, not in the table, from which a cut name must differ.
     """
 
     heading: str
@@ -56,7 +54,7 @@ class Column:
 
     @property
     def shortened(self) -> bool:
-        """Whether a report leaves out what its names begin and end with: joints and drives."""
+        """Whether a report shortens its names, of joints and drives, by their common ends."""
         return self.kind is ColumnKind.NAME and not self.among
 
 
@@ -68,7 +66,7 @@ class Table:
         title: printed above; empty for none.
         columns: from left to right.
         rows: a text per column.
-        keys: how many columns at the left say what a row is: every block repeats them.
+        keys: number of columns at the left that name a row: every block repeats them.
         sections: rows above which a rule is drawn.
         faint: rows that are printed dim.
     """
@@ -87,7 +85,7 @@ class Table:
         return [name for names in cells for name in names]
 
     def without(self, front: str, back: str) -> Table:
-        """Return the table with what its names begin and end with left out."""
+        """Return the table with names without this beginning and end."""
         named = {c for c, column in enumerate(self.columns) if column.shortened}
         cut = dict(zip(self.names(), without(self.names(), front, back), strict=True))
         rows = [
@@ -100,7 +98,6 @@ class Table:
         return replace(self, rows=rows)
 
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
-        """Print it at the console's width."""
         from rich.box import SIMPLE_HEAD
         from rich.table import Table as RichTable
         from rich.text import Text
@@ -134,11 +131,11 @@ class Table:
 def paragraphs(*parts: Table | str | Sequence[str] | None) -> Report:
     """Return a report: its parts with a blank line between them.
 
-    What all names of its tables begin and end with is left out of them, and of the names in its
-    lines, and said once. Lines that begin with "! " say what fails: they are bold and red.
+    The common beginning and end of all names in its tables is left out, also in lines, and stated
+    once. Lines that begin with "! " say what fails, bold and red.
 
     Args:
-        parts: tables, titles (one text), lines; what is None or empty is left out.
+        parts: tables, titles (one text), lines; None and empty ones are left out.
     """
     from rich.text import Text
 
@@ -163,7 +160,7 @@ def paragraphs(*parts: Table | str | Sequence[str] | None) -> Report:
 
 
 def _lay_out(table: Table, width: int) -> tuple[list[list[str]], list[int], list[list[int]]]:
-    """The cells as they are printed, each column's width, the columns of each block."""
+    """Return the cells as printed, each column's width, the columns of each block."""
     cells = [[row[c] for row in table.rows] for c in range(len(table.columns))]
     whole = [
         _widest((column.heading, *texts))
@@ -195,7 +192,7 @@ def _widest(texts: Sequence[str]) -> int:
 
 
 def _least(column: Column, texts: Sequence[str], whole: int, width: int) -> int:
-    """The width below which a column would rather stand in another block."""
+    """The width below which a column goes to another block."""
     heading = _widest((column.heading,))
     if column.kind is ColumnKind.NAME:
         tell_apart = least_room([*texts, *column.among])
@@ -230,7 +227,7 @@ def _grow(
     blocks: Sequence[Sequence[int]],
     width: int,
 ) -> list[int]:
-    """Widths with what the blocks have to spare: for the keys, then for the rest, left to right.
+    """Give the blocks' spare width to the keys, then to the rest, left to right.
 
     A column of words shrinks where its block would be too wide.
     """

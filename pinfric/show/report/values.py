@@ -1,4 +1,4 @@
-"""Numbers as reports print them, and values as scripts of pages take them."""
+"""Numbers in reports, and values in scripts of pages."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def digits(x: float, zero: float = 0.0) -> str:
 
     Args:
         x: the number.
-        zero: what is not larger prints as 0; see `rounding`.
+        zero: values up to this print as 0; see `rounding`.
     """
     if not math.isfinite(x):
         return "n/a"
@@ -38,14 +38,14 @@ def power_of_ten(x: float, decimals: int) -> str:
 
 
 def signed(x: float, zero: float = 0.0) -> str:
-    """Return `digits` of x with its sign, + also."""
+    """Return `digits` of x with its sign, also +."""
     return f"{'+' if x > 0 else '-' if x < 0 else ''}{digits(abs(x), zero)}"
 
 
 def percentage(x: float) -> str:
     """Return a share or a margin in percent; a miss of many times the limit in words.
 
-    One digit after the point near 0, where a margin fails, and near 10 %, where it is tight.
+    One decimal near 0, where a margin fails, and near 10 %, where it is tight.
     """
     if x <= _BEYOND:
         return "beyond any limit"
@@ -59,22 +59,22 @@ def percentage(x: float) -> str:
 
 
 def percent(x: float) -> str:
-    """Return a share in percent, with what is below one."""
+    """Return a share in percent, with digits below one."""
     return f"{digits(100 * x, 1e-6)} %" if math.isfinite(x) else "n/a"
 
 
 def rough(x: float) -> str:
-    """Return x with two significant digits: an uncertainty is known no better."""
+    """Return x with two significant digits, for uncertainties."""
     return f"{float(f'{x:.1e}'):g}"
 
 
 def span(least: float, worst: float, zero: float = 0.0) -> str:
-    """Return "least–worst", or one number where the two print alike."""
+    """Return "least–worst", or one number if both print alike."""
     low, high = digits(least, zero), digits(worst, zero)
     return low if low == high else f"{low}–{high}"  # noqa: RUF001 - a range
 
 
 def json_for_script(content: Any) -> str:
-    """Return a value as JSON that can stand in a script element, whatever names it holds."""
+    """Return a value as JSON that is safe in a script element, whatever names it holds."""
     text = json.dumps(in_json(content), ensure_ascii=False, allow_nan=False, separators=(",", ":"))
     return text.replace("<", "\\u003c").replace("\u2028", "\\u2028").replace("\u2029", "\\u2029")

@@ -1,1 +1,1 @@
-"""Friction of a motion over time: frames, spans, and the motion that is shown."""
+"""Friction of a motion over time: frames, spans, and the motion shown."""

@@ -1,7 +1,6 @@
 """Frames of a replay: where the joints are, what each friction site does, and when.
 
-One form for both things that can be replayed: a result of inverse dynamics, whose friction at
-rest is an interval, and a simulated motion, whose friction is a number at every instant.
+At rest friction is an interval in results of inverse dynamics, a number in simulated motions.
 """
 
 from __future__ import annotations
@@ -42,30 +41,30 @@ MOST_FRAMES = 20_000
 
 @dataclass(frozen=True)
 class Frames:
-    """A motion cut into frames, F of them, for nj joints and ns friction sites.
+    """A motion cut into F frames, for nj joints and ns friction sites.
 
     Attributes:
-        t: (F,) increasing, s; every beginning and end of sticking is among them, up to
-            `MOST_FRAMES` of them.
+        t: (F,) increasing, s; with every beginning and end of sticking, up to `MOST_FRAMES` of
+            them.
         placement: (F, nj, 7) of each joint in the world: x, y, z in m, quaternion x, y, z, w.
-        friction_lower, friction_upper: (F, ns) friction of the parent on the child along the
-            joint's positive direction (N m or N).
-        force: (F, ns, 3) force of the parent on the child, in the child's joint frame (N).
-        slip: (F, ns, 3) unit vector, in the same frame, that friction is measured along: the site's
-            axis; of a ball the direction of its slip (at rest: of its last slip).
+        friction_lower, friction_upper: (F, ns) of the parent on the child along the joint's
+            positive direction (N m or N).
+        force: (F, ns, 3) of the parent on the child, in the child's joint frame (N).
+        slip: (F, ns, 3) unit vector of friction in this frame: the site's axis; of a ball the
+            direction of its slip (at rest: of its last slip).
         use: (F, ns) |friction| over its limit where a simulated site sticks, NaN elsewhere.
         sites: what each site does when.
-        stick_intervals: all intervals, in the order of the sites.
+        stick_intervals: in the order of the sites.
         carried: payload -> spans in which it is carried.
-        gears: drive -> spans in which its gear holds the joint by itself: it stands still under an
-            effort other than 0, and the motor's torque may be 0. Drives without any are left out.
+        gears: drive -> spans, if any, in which its gear holds the joint by itself: it stands still
+            under an effort other than 0, and the motor's torque may be 0.
         off: drive -> spans in which its logged effort is off the computed one by more than 10 %,
             and more than 30 %, of its RMS; at rest the nearest value of the interval counts.
-        limiting: drive -> limit of `criteria.instant_limits` -> spans in which the robot moves and
-            more than 99.5 % of that limit, and more than 100.2 %, are used; of each drive's limits
-            the one most used counts. Drives and limits without any are left out.
-        simulated: True for a simulated motion.
-        ended: why a simulation ended before its time, or "".
+        limiting: drive -> limit of `drives.limits.instant_limits` -> spans, if any, in which the
+            robot moves, this is the drive's most used limit, and more than 99.5 % of it, and more
+            than 100.2 %, are used.
+        simulated: whether the motion is simulated.
+        ended: why a simulation ended early, or "".
     """
 
     t: np.ndarray
@@ -86,7 +85,7 @@ class Frames:
 
     @property
     def duration(self) -> float:
-        """From the first frame to the last, s."""
+        """s, from the first frame to the last."""
         return float(self.t[-1] - self.t[0])
 
 
@@ -102,7 +101,7 @@ def make_frames(
     Args:
         scene: the robot.
         motion: a result of inverse dynamics with times, or a simulated motion.
-        rate: frames per second; fewer where they would be more than `MOST_FRAMES`.
+        rate: frames per second; fewer if they would exceed `MOST_FRAMES`.
         log: the log that the motion comes from, compared with the result.
         limits: (na,) of the drives, for a result of inverse dynamics.
 
@@ -160,16 +159,15 @@ def make_frames(
 
 
 def site_rates(scene: Scene, q: np.ndarray, v: np.ndarray) -> np.ndarray:
-    """Return the relative velocity of every friction site, child to parent or b to a.
+    """Return the relative velocity (n, ns, 3) of every friction site, child to parent or b to a.
+
+    In the frame of the site's wrench, rad/s or m/s: along the site's axis, of a ball the whole
+    angular velocity; at a loop's joint from the bodies that it joins.
 
     Args:
         scene: the robot.
-        q: (n, nq). v: (n, nv).
-
-    Returns:
-        (n, ns, 3) in the frame the site's wrench is given in, rad/s or m/s: along the site's axis,
-        of a ball the whole angular velocity. A loop's joint has no velocity of its own: its rate
-        is that of the bodies it joins.
+        q: (n, nq).
+        v: (n, nv).
     """
     sites, linkage = scene.site_tables, scene.linkage
     along = v[:, sites.velocity_index] * sites.ratio if scene.model.nv else v[:, :0]
@@ -187,8 +185,8 @@ def site_rates(scene: Scene, q: np.ndarray, v: np.ndarray) -> np.ndarray:
 def frame_times(t: np.ndarray, keys: np.ndarray, rate: float) -> tuple[np.ndarray, np.ndarray]:
     """Return the times of the frames and, for each, the sample at or before it.
 
-    Where the samples lie closer than the frames, frames are samples; where they lie farther
-    apart, frames are added in between. The keys and the last sample are always there.
+    Frames are samples where these are closer; else frames are added between them. The keys and the
+    last sample are always frames.
 
     Args:
         t: (T,) increasing times of the samples, s.
@@ -214,10 +212,10 @@ def frame_times(t: np.ndarray, keys: np.ndarray, rate: float) -> tuple[np.ndarra
 def _forces(
     scene: Scene, motion: InverseResult | Motion, states: States, index: np.ndarray
 ) -> np.ndarray:
-    """(F, ns, 3) force of the parent on the child in the samples of the frames.
+    """(F, ns, 3) force of the parent on the child in the frames' samples.
 
-    Of a simulated motion from inverse dynamics at these samples; NaN where that refuses them
-    (loops that the integrator leaves a little open), and where it has no solution.
+    For a simulated motion by inverse dynamics; NaN where it has no solution or refuses a sample
+    (loops that the integrator leaves slightly open).
     """
     if isinstance(motion, Motion):
         attached = None if states.attached is None else states.attached[index]
@@ -249,7 +247,7 @@ def _slip_directions(scene: Scene, q: np.ndarray, v: np.ndarray) -> np.ndarray:
 
 
 def _wrenches(scene: Scene, result: InverseResult) -> np.ndarray:
-    """(T, ns, 6); NaN where loops close a scene in which no friction looks at a reaction."""
+    """(T, ns, 6); NaN with loops if no friction depends on reactions."""
     if result.wrench is not None:
         return result.wrench
     rows = scene.site_tables.joint
@@ -261,7 +259,7 @@ def _wrenches(scene: Scene, result: InverseResult) -> np.ndarray:
 def _placements(
     model: pin.Model, states: States, times: np.ndarray, index: np.ndarray
 ) -> np.ndarray:
-    """(F, nj, 7) of the samples, and between samples of the cubic that meets their q and v."""
+    """(F, nj, 7) at the samples, between them on the cubic with their q and v."""
     q, v, t, data = states.q, states.v, states.times, model.createData()
     out = np.empty((len(index), model.njoints - 1, 7))
     for f, i in enumerate(index):

@@ -1,4 +1,4 @@
-"""The motion that a replay shows: whose it is, where it is read, with which drives."""
+"""The motion of a replay: where it is read, and with which drives."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ def motion_to_replay(
     log: ReadingOptions = ReadingOptions(),  # noqa: B008
     effort_at: str = "reflected",
 ) -> tuple[InverseResult | Motion, JudgedLog | None]:
-    """Return what `pinfric replay SCENE [NAME]` shows, and how a log's own efforts fit it.
+    """Return the motion of `pinfric replay SCENE [NAME]`, and how a log's own efforts fit it.
 
     Args:
         scene: the robot.
-        name: a saved motion (.npz), a trajectory (log, CSV, way-points; a file or a bundled one),
-            whose inverse dynamics are computed, or None: the scene's own simulation.
-        log: how a log is to be read.
+        name: a saved motion (.npz), a trajectory (log, CSV, way-points; a file or bundled), or
+            None: the scene's own simulation.
+        log: how a log is read.
         effort_at: what its efforts are, "reflected", "motor" or "joint" (`judge_log`).
 
     Raises:
@@ -50,7 +50,7 @@ def motion_to_replay(
 def with_drives(
     scene: Scene, motion: InverseResult | Motion, limits: LimitsLike
 ) -> tuple[Scene, InverseResult, tuple[DriveLimits, ...]]:
-    """Return scene and motion with the gears of the drives that are given, and their limits.
+    """Return scene and motion with the gears of given drives, and the drives' limits.
 
     Args:
         scene: the robot.
@@ -58,8 +58,8 @@ def with_drives(
         limits: of the drives, as `retime` takes them.
 
     Raises:
-        StateError: a simulated motion; gears of a catalogue under forces from outside.
-        RetimeError: limits that cannot be.
+        StateError: a simulated motion; gears of a catalogue with external forces.
+        RetimeError: impossible limits.
     """
     given = read_limits(scene, limits)
     geared = limited_scene(scene, given)
@@ -75,7 +75,7 @@ def with_drives(
 
 
 def check_same_scene(scene: Scene, motion: InverseResult | Motion) -> None:
-    """Refuse a motion of another scene: its numbers would move the wrong joints.
+    """Refuse a motion of another scene, which would move the wrong joints.
 
     Raises:
         StateError: says which parts of the scenes differ.

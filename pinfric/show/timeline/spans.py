@@ -1,4 +1,4 @@
-"""When a motion's friction sites, gears, drives and payloads do what: spans of time."""
+"""Spans of time of a motion's friction sites, gears, drives and payloads."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ Spans = tuple[tuple[float, float], ...]
 
 @dataclass(frozen=True)
 class SiteTimes:
-    """When one friction site does what else than sliding: spans (start, end) in s, in order.
+    """When one friction site does not slide: spans (start, end) in s, in order.
 
     Attributes:
         sticking: at rest, friction anywhere up to its limit.
@@ -68,11 +68,11 @@ def site_times(
     Args:
         motion: with times.
         s: number of the site.
-        intervals: of all sites, as `motion.stick_intervals` returns them.
-        use: (T, ns) as `limit_use` returns it; of simulated motions.
+        intervals: of all sites, from `motion.stick_intervals`.
+        use: (T, ns) of `limit_use`, for simulated motions.
     """
     t, name = motion.t, motion.site_names[s]
-    assert t is not None  # _states refuses a motion without
+    assert t is not None  # make_frames refuses a motion without
     sticking = tuple((i.start, i.end) for i in intervals if i.site == name)
     if isinstance(motion, Motion):
         turns = tuple(
@@ -90,7 +90,7 @@ def site_times(
 
 
 def _spans(t: np.ndarray, mask: np.ndarray, half: bool = False) -> Spans:
-    """Times of the runs of a mask; with `half`, widened by half a sample to both sides."""
+    """Return times of the runs of a mask; with `half`, half a sample longer at both ends."""
     spans = []
     for first, last in runs(mask):
         start, end = t[first], t[last]
@@ -102,7 +102,7 @@ def _spans(t: np.ndarray, mask: np.ndarray, half: bool = False) -> Spans:
 
 
 def gear_holds(scene: Scene, motion: InverseResult | Motion, states: States) -> dict[str, Spans]:
-    """Return which gears hold by themselves, and when: see `Frames.gears`."""
+    """Return when gears hold by themselves: `Frames.gears`."""
     rates, _ = working_rates(scene, states.q, states.v)
     if isinstance(motion, Motion):
         effort = motion.effort, motion.effort
@@ -123,7 +123,7 @@ def gear_holds(scene: Scene, motion: InverseResult | Motion, states: States) -> 
 
 
 def off_the_log(result: InverseResult, log: JudgedLog) -> dict[str, tuple[Spans, Spans]]:
-    """Return where logged efforts miss the computed ones: see `Frames.off`."""
+    """Return when logged efforts differ from the computed ones: `Frames.off`."""
     missed, (lower, upper) = {}, measured_interval(result, log.at)
     for name, compared in log.measured.items():
         i, effort = result.actuator_names.index(name), log.reading.effort[name]
@@ -136,7 +136,7 @@ def off_the_log(result: InverseResult, log: JudgedLog) -> dict[str, tuple[Spans,
 def limiting_drives(
     result: InverseResult, limits: Sequence[DriveLimits]
 ) -> dict[str, dict[str, tuple[Spans, Spans]]]:
-    """Return which limits of which drives hold the motion back, and when: see `Frames.limiting`."""
+    """Return when limits of drives hold the motion back: `Frames.limiting`."""
     t, use = result.times, usage(result, limits)
     moving = (result.actuator_velocity != 0.0).any(axis=1)
     nearest = use.argmax(axis=2)
@@ -151,7 +151,7 @@ def limiting_drives(
 
 
 def carried_payloads(scene: Scene, states: States) -> dict[str, Spans]:
-    """Return for each payload the spans in which it is carried: see `Frames.carried`."""
+    """Return when each payload is carried: `Frames.carried`."""
     t = states.times
     spans: dict[str, list[tuple[float, float]]] = {name: [] for name in scene.payloads}
     for start, stop, names in states.phases(scene):
