@@ -1,8 +1,7 @@
 """Correction of rounded mechanisms: axes of loops become exactly parallel or perpendicular.
 
-A planar mechanism whose pins are 1e-9 rad off parallel cannot close exactly, because its loop has
-redundant equations; files round `rpy` to 1e-6 to 1e-9. So two axes on one link of a loop that are
-parallel or perpendicular within a tolerance are made exactly so. Then frame b of each loop is
+A planar loop whose axes are parallel only to the file's digits cannot close: its redundant
+equations contradict each other (`notebooks/theory/problem.md`). Frame b of each loop is then
 shifted by the constant gap that remains.
 """
 
@@ -50,8 +49,8 @@ def align_axes(
 ) -> Alignment:
     """Make nearly parallel or perpendicular axes on the links of loops exactly so.
 
-    An axis d beside earlier axes e on its link becomes +-e where |d x e| <= `tolerance.angle`; else
-    its part in the span of those with |d.e| <= `tolerance.angle` is removed and its length
+    Beside earlier axes e on its link, an axis d becomes +-e where |d x e| <= `tolerance.angle`;
+    else its part in the span of those with |d.e| <= `tolerance.angle` is removed and its length
     restored. What the joint carries turns with it.
 
     Raises:
@@ -181,14 +180,11 @@ def _joint_axis(model: pin.Model, joint: pin.JointModel) -> np.ndarray | None:
 def shift_frames(
     twin: Twin, linkage: Linkage, start: np.ndarray, tolerance: LoopTolerance
 ) -> tuple[tuple[Loop, ...], float]:
-    """Shift frame b of each loop by the constant gap that no motion closes.
+    """Shift frame b of each loop by the constant gap, up to `tolerance`, that no motion closes.
 
-    The search for closed configurations begins at `start` (nq,); `tolerance` is the largest gap
-    that is shifted away.
-
-    Returns:
-        The loops, and the largest shift (m, or rad times the mechanism's size); 0 if they close
-            without a shift or not even with one.
+    The search for closed configurations begins at `start` (nq,). Returned are the loops and the
+    largest shift (m, or rad times the mechanism's size): 0 if they close without a shift or not
+    even with one.
     """
     most = np.where(linkage.turning, tolerance.angle * linkage.size, tolerance.length)
     near: list[np.ndarray] = []

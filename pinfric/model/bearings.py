@@ -1,12 +1,10 @@
 """Bearings: from the wrench that a joint transmits to the normal load of its friction.
 
-Friction is mu c with the load
-
     c = sum_i |(B_i + s C_i) w| + constant
 
-a sum of norms of the wrench w of the parent on the child (force F, moment M), in axes whose z is
-the joint's axis; s is the child's displacement along it. So c is convex in w. It is in N m for a
-joint that turns, in N for one that slides.
+is the load (N m about the axis, N along it) due to the wrench w of the parent on the child (force
+F, moment M), in axes whose z is the joint's axis; s is the child's displacement along it. See
+`notebooks/theory/bearings.md`.
 """
 
 from __future__ import annotations
@@ -63,7 +61,7 @@ class LoadTerms(NamedTuple):
     """The load of one bearing, c = sum_i |(B_i + s C_i) w| + constant.
 
     Attributes:
-        maps: (n, 3, 6) B of each term, made by `norm_of`; w in axes whose z is the joint's axis.
+        maps: (n, 3, 6) B of each term, made by `norm_of`.
         moved: C of each term; empty if the load does not depend on the displacement.
         constant: N m for a joint that turns, N for one that slides.
     """
@@ -133,7 +131,7 @@ class Bearing(Entry):
     def misfit(self, joint: str) -> str:
         """Return why this bearing does not fit a joint (see `fits`); empty if it fits.
 
-        The text follows the entry's path: it begins with a key's name or with a colon.
+        The text begins with a key's name or a colon, to follow the entry's path.
         """
         if joint in self.fits:
             return ""
@@ -146,8 +144,8 @@ class Bearing(Entry):
     def roll_lever(self) -> float | None:
         """Return a length (m) if the bearing cannot carry a moment about its axis, else None.
 
-        Such a moment is refused if it exceeds the rounding of the other moments and of the forces
-        times this length.
+        Such a moment is refused above the rounding of other moments and of forces times this
+        length.
         """
         return None
 
@@ -395,7 +393,7 @@ class Contacts(NamedTuple):
 
     Attributes:
         site: (nt,) the site of each term, ascending.
-        rank: (nt,) how many rows of B and C are used, from the first.
+        rank: (nt,) number of the first rows of B and C that are used.
         map, map_moved: (nt, 3, 6) B and C, for wrenches in the child's joint frame.
         moves: (ns,) bool, whether the load depends on the displacement s.
         constant: (ns,) N m or N.
@@ -410,11 +408,9 @@ class Contacts(NamedTuple):
 
 
 def contacts(bearings: Sequence[Bearing | None], axes: Sequence[np.ndarray]) -> Contacts:
-    """Return the nonzero terms of all sites, in the joints' frames.
+    """Return the nonzero terms of all sites (None: no bearing), in the joints' frames.
 
-    Args:
-        bearings: of each site, None without a bearing.
-        axes: (3,) each, unit joint axis in the child's frame.
+    `axes` (3,) are the joints' unit axes in the child's frame.
     """
     site, maps, moved = [], [], []
     constant = np.zeros(len(bearings))

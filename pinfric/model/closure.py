@@ -136,8 +136,8 @@ def close(
 ) -> np.ndarray:
     """Return the configuration (nq,) near a guess that closes every loop: Newton on Phi(q) = 0.
 
-    Joints that stand still in the linkage (`loops.stand_still`) and joints whose velocities are
-    `held` (nv,) keep their positions.
+    Joints that are fixed in the linkage (`loops.stand_still`), or whose velocities are `held`
+    (nv,), keep their positions.
 
     Raises:
         ClosureError: no step brings the frames nearer, and they are still apart; names `sample`.
@@ -197,8 +197,8 @@ def _gap(twin: Twin, linkage: Linkage, q: np.ndarray) -> tuple[np.ndarray, np.nd
 def full_pivot(A: np.ndarray, scale: float = 0.0) -> tuple[int, list[int]]:
     """Return the rank of A (m, n) and its columns in the order of full pivoting.
 
-    The first `rank` columns are the dependent coordinates (paper eq. 5). `scale` is the size of the
-    terms that A's entries are sums of; what is small beside it counts as zero.
+    The first `rank` columns are the dependent coordinates (paper eq. 5). What is small beside
+    `scale`, the size of the terms that A's entries are sums of, counts as zero.
     """
     A = np.array(A, dtype=float)
     columns = list(range(A.shape[1]))

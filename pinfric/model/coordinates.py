@@ -35,8 +35,8 @@ def motion_columns(
 ) -> dict[str, np.ndarray]:
     """Return columns `<joint>.q`, then all `.v`, then all `.a`, as `load_trajectory` reads them.
 
-    A joint with several degrees of freedom has a column for each entry, `<joint>.q[0]` and so on; a
-    mimic follower has none. q is (T, nq), v and a are (T, nv).
+    A joint with several degrees of freedom has columns `<joint>.q[0]` and so on, a mimic follower
+    none. q is (T, nq), v and a are (T, nv).
     """
     columns: dict[str, np.ndarray] = {}
     moving = [

@@ -2,9 +2,7 @@
 
     s = q_own + sum_j c_j q_j,     motor speed = ratio ds/dt,     ds/dt = S v,     tau = S^T u
 
-The effort u of a drive does work on its rate S v (S is constant), so it acts on every joint that
-turns the drive (Siciliano et al., Robotics, 2009, 8.1; for wrists Gautier and Khalil's
-identification of arms, where friction follows the motor's speed).
+with a constant S (`notebooks/theory/gears.md`).
 """
 
 from __future__ import annotations
@@ -34,8 +32,8 @@ def rate_rows(drives: Sequence[Drive], nv: int) -> np.ndarray:
 def drive_rates(drives: Sequence[Drive], v: np.ndarray, along: np.ndarray) -> np.ndarray:
     """Return the rates of drives (n, na), rad/s or m/s: S v, or those along actions off the joints.
 
-    v (n, nv) are velocities, and `along` (n, nx) the rates along the linkage's actions;
-    accelerations give the rates' derivatives.
+    v is (n, nv), `along` (n, nx) the rates along the linkage's actions; accelerations give the
+    rates' derivatives.
     """
     rates = np.empty((len(v), len(drives)))
     for d, drive in enumerate(drives):
@@ -53,9 +51,9 @@ def taking_part(drives: Sequence[Drive]) -> list[int]:
 
 
 def delivery(drives: Sequence[Drive], nv: int) -> np.ndarray:
-    """Return P (na, na): drives deliver u = P tau, with tau (na,) the efforts of their own joints.
+    """Return P (na, na), or (0, 0) without couples: drives deliver u = P tau.
 
-    tau = C^T u with C the columns of S that belong to the drives' joints. Without couples (0, 0).
+    tau (na,) are the efforts of their own joints, C^T u with C the columns of S of these joints.
     """
     here = taking_part(drives)
     if not here:
@@ -95,7 +93,7 @@ def check_couples(drives: Sequence[Drive], names: Sequence[str], source: str) ->
 
     Raises:
         SceneError: a coupled joint without a drive of its own, or with several; motors whose speeds
-            do not determine those of their joints.
+            do not determine their joints'.
     """
     own = [drive.velocity_index for drive in drives]
     for drive in drives:

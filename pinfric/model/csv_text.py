@@ -19,7 +19,7 @@ def number_of(cell: str) -> float:
     """Return a cell's number; as in a URDF only ASCII digits count, without underscores.
 
     Raises:
-        ValueError: the cell is no such number.
+        ValueError: it is no such number.
     """
     if not cell.isascii() or "_" in cell:
         raise ValueError(f"could not convert string to float: {cell!r}")

@@ -1,17 +1,15 @@
 """Drives: the degree of freedom that each actuator moves, and the losses of its transmission.
 
 `effort` (t) is what the drive delivers at the joint, `motor_torque` (T_m) what its motor must
-deliver at its shaft. With ratio r, no-load torque n at the motor (n|r| at the joint) and the loss
-due to the load g(w) L(|t|) (`transmission`; with constant efficiencies L = (1/eta - 1)|t| where the
-motor drives, (1 - eta_b)|t| where the load drives), r T_m is
+deliver at its shaft. With ratio r, no-load torque n at the motor and the loss g L due to the load
+(`transmission`), r T_m is
 
     moving forward    upper(t) = t + g L(|t|) + n|r|
     moving backward   lower(t) = t - g L(|t|) - n|r|
     at standstill     anything from the least lower(t) to the greatest upper(t) over the efforts t
 
-plus r^2 J_rotor a and the motor's viscous friction, on which the loss does not depend. At
-standstill n is the static no-load torque. A gear with eta_b <= 0 is self-locking: the load alone
-never moves it, so the motor must also drive to lower the load.
+plus r^2 J_rotor a and the motor's viscous friction. At standstill n is the static no-load torque.
+See `notebooks/theory/gears.md`.
 """
 
 from __future__ import annotations
@@ -188,8 +186,7 @@ def gear_line(
     """Return the line that a gear follows around an effort, and the efforts at which it is valid.
 
     The torque at the gear's input, seen from the joint, u = r (T_m - J_rotor r a) - drag, is F(t) =
-    slope t + offset: upper(t) in forward motion, lower(t) in backward motion (see the module),
-    piecewise linear in t.
+    slope t + offset: upper(t) forward, lower(t) backward (see the module).
 
     Args:
         gears: `gear_table`.
@@ -326,8 +323,8 @@ def write_motor_torques(
 ) -> None:
     """Write the least and greatest motor torque (n, na) of each drive; see the module.
 
-    F(t) of a self-locking gear is not monotone, so its extremes are taken over the whole interval
-    of efforts.
+    Extremes are taken over the whole interval of efforts, because F(t) of a self-locking gear is
+    not monotone.
 
     Args:
         gears: `gear_table`.
@@ -358,11 +355,8 @@ def joint_effort_ends(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the least and greatest `joint_effort`, r T_m (N m or N): the command at the joint.
 
-    It contains the rigid body, rotors, friction and the losses of gears.
-
-    Args:
-        ratio: (na,), negative where the motor turns back.
-        lower, upper: (..., na) torques at the motors' shafts (N m).
+    It contains the rigid body, rotors, friction and the losses of gears. `ratio` (na,) is negative
+    where the motor turns back; `lower` and `upper` (..., na) are at the motors' shafts (N m).
     """
     ends = ratio * lower, ratio * upper
     return np.minimum(*ends), np.maximum(*ends)

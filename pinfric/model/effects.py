@@ -2,7 +2,7 @@
 
 The dynamics evaluate only the effects that are on: without friction one plain RNEA batch, with
 constant friction no wrenches, with bearings the twin, with loops or drives off the joints the
-iteration. Loops, couples and coupling cannot be switched off: the mechanism would be another.
+iteration.
 """
 
 from __future__ import annotations

@@ -94,8 +94,8 @@ class Forms:
     """Several ways to write one value, distinguished by type, and mappings by their keys.
 
     Args:
-        forms: entries or one `dict` for mappings, a tuple for lists, a `Literal` for words; values
-            that fit no form are read as the first.
+        forms: entries or one `dict` for mappings, a tuple for lists, a `Literal` for words; others
+            are read as the first.
     """
 
     def __init__(self, *forms: Any) -> None:
@@ -175,8 +175,7 @@ def register(table: dict[str, Any], name: str, cls: type[BaseModel]) -> None:
     """Write a class under its name in a table that scene files use.
 
     Raises:
-        SceneError: another class has the name. A class that is defined again, as by a notebook's
-            cell, replaces itself.
+        SceneError: another class has the name. A class that is run again replaces itself.
     """
     known = table.setdefault(name, cls)
     if (known.__module__, known.__qualname__) != (cls.__module__, cls.__qualname__):

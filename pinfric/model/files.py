@@ -1,8 +1,8 @@
 """Write results so that a reader finds the old file or the new one, never an incomplete one.
 
-A command replaces neither its inputs nor, without --overwrite, files of others. Its results are
-known by their hashes, kept beside them: a mark in a CSV would be in a reader's way, and would not
-show that somebody has changed the file.
+A command replaces neither its inputs nor, without --overwrite, files of others. It knows its
+results by hashes kept beside them: a mark in a CSV would disturb readers, and would not show a
+change.
 """
 
 from __future__ import annotations
@@ -61,8 +61,8 @@ def write_folder(
     """Write several files (name -> text or writer), which appear in `folder` when all are complete.
 
     A missing folder is created. If one of the files cannot be moved to its place, the old files are
-    restored. `outdated` are names of files of an earlier run that contradict these: they are
-    removed, but not what somebody else wrote or changed, nor an input of the command.
+    restored. `outdated` files, which would contradict these, are removed, but no input of the
+    command nor what somebody else wrote or changed.
 
     Raises:
         PinfricError: the folder or a file in it cannot be written.
@@ -105,8 +105,8 @@ def _fill(path: Path, write: Writer) -> None:
 def _unfinished(folder: Path) -> Iterator[Path]:
     """A temporary folder in `folder`; those of killed runs are removed, those in use stay.
 
-    Each run locks a file in its temporary folder; the kernel releases the lock however the run
-    ends. The lock on `folder` keeps other runs from removing ours before its file is locked.
+    Each run locks a file in its folder; the kernel releases the lock however the run ends. The lock
+    on `folder` keeps other runs from removing ours before its file is locked.
     """
     with ExitStack() as stack:
         with _locked(folder, os.O_RDONLY, wait=True) as guarded:

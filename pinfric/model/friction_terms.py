@@ -1,14 +1,13 @@
 """Friction terms, the parts of a joint's friction: each is a class with keys, checks and rows.
 
-At rest a term is a limit, in motion a sum of rows. Both have a part in proportion to the normal
-load c and a part independent of it, separate for forward and backward motion:
+At rest a term is a limit, in motion a sum of rows. Each has a part in proportion to the normal load
+c and a part independent of it, separate for forward and backward motion:
 
     at rest     mu c + (forward or backward)
     in motion   sum_i (mu_i c + (forward or backward)_i) s^power_i exp(-(s / velocity_i)^exponent_i)
 
 with s = |speed|. Rows with a power above 0 vanish at rest and are called drag; the others are dry.
-A power below 1 has an infinite slope at rest, so at and below s_0 = 1e-6 (rad/s or m/s) it is
-replaced by s s_0^(power - 1).
+Below `STEEP` a power under 1 is replaced by a straight line, because its slope at rest is infinite.
 """
 
 from __future__ import annotations
@@ -260,7 +259,7 @@ Viscous = (
 def falling(static: Strength, kinetic: Strength, stribeck: Stribeck | None) -> tuple[Row, ...]:
     """Return rows that fall from static to kinetic: kinetic + (static - kinetic) exp(...).
 
-    Without a `stribeck` curve they fall by a jump: the static strength acts at rest only.
+    Without a `stribeck` curve the static strength acts at rest only.
     """
     if stribeck is None:
         return ((CONSTANT, kinetic),)

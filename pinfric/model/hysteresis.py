@@ -1,8 +1,7 @@
 """Comparison of a joint's friction with the hysteresis on the data sheet of its gear.
 
-A maker measures the hysteresis loss H at the output with the motor's side held. Friction b behind
-the spring causes H = f(b_forward) + f(b_backward). If friction identified from motor currents is
-larger than H allows, the rest must act before the spring, in the gear.
+Friction b behind the spring f causes H = f(b_forward) + f(b_backward) at the output, with the motor
+held; friction beyond that acts before the spring, in the gear (`notebooks/theory/elastic.md`).
 """
 
 from __future__ import annotations

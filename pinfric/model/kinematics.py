@@ -198,9 +198,9 @@ def act_on_joints(
     Args:
         p, R: see `place_links`.
         actions: or any record with its fields.
-        X: (n, nj + number of pairs, 6, nx), overwritten: change of the wrench a joint transmits per
-            unit action, parent on child in the child's frame; a loop's joint, a on b in frame b; a
-            cylinder's force on b is along z.
+        X: (n, nj + number of pairs, 6, nx), overwritten: change of a joint's wrench per unit
+            action, parent on child in the child's frame; of a loop's joint, a on b in frame b; of a
+            cylinder, the force on b along z.
         J: (n, nx, nv), overwritten: rows of the Jacobian, tau = J^T x.
     """
     frame_joint, frame_p, frame_R = actions.frame_joint, actions.frame_p, actions.frame_R
@@ -259,7 +259,7 @@ def _common_normal(
         a, frame_R: row of the joint that carries frame a, and the frame's axes in it (3, 3).
         R: (nj, 3, 3) of the links.
         axis: (3,) in frame a as in frame b.
-        moment: (3,) the axis of b in the world, overwritten.
+        moment: (3,) b's axis in the world, overwritten.
     """
     Ra, first, second = np.empty((3, 3)), np.empty(3), moment.copy()
     _orientation(a, frame_R, R, Ra)
@@ -284,10 +284,8 @@ def _spread(
     """Write the effect of actions on the wrenches of the joints that carry one side of them.
 
     Args:
-        support: of the linkage.
         push: (nx, 9) where each acts, its force and its moment, world.
         p, R: (nj, 3), (nj, 3, 3) of the links.
-        v_index ... components: see `Twin`.
         X: (nj + number of pairs, 6, nx), the joints' rows written. J: (nx, nv), added to.
     """
     for c in range(support.shape[0]):

@@ -5,10 +5,9 @@ Sticking (paper eq. 21):    -(mu_s c + coulomb_s+) <= phi <= mu_s c + coulomb_s-
 Creeping:                   the same, plus anything from 0 to the drag
 
 mu, coulomb and drag are the sums of rows of the site's terms (`friction_terms`). Forward (v > 0)
-the positive Coulomb value acts, backward the negative one. A joint creeps if its speed is at or
-below the stick velocity but not 0: whether it moves is unknown, and so is its drag, and the sliding
-value just above the stick velocity lies in the interval just below it. A joint without dry friction
-never sticks: its drag acts at any speed.
+the positive Coulomb value acts, backward the negative one. A joint creeps if its speed is not 0 but
+at or below the stick velocity; without dry friction it never sticks
+(`notebooks/theory/bearings.md`).
 """
 
 from __future__ import annotations
@@ -318,8 +317,8 @@ def friction_bounds(
         velocity: (n, ns), child relative to parent (rad/s or m/s).
         load: (n, ns), normal load (N m or N).
         laws: `law_table`.
-        at_rest: (n, ns), True where a velocity crosses zero between samples: the interval of
-            standstill is then extended to contain the sliding value.
+        at_rest: (n, ns), True where a velocity crosses zero between samples: the interval at rest
+            is then extended to contain the sliding value.
         lower, upper: (n, ns), overwritten: friction of the parent on the child along the joint's
             positive direction; equal where the site slides.
         sticking: (n, ns), overwritten: |velocity| <= stick velocity.

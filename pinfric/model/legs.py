@@ -1,8 +1,8 @@
 """Robots with legs that hang by a fixed base: the legs carry themselves and not the robot.
 
 Names tell legs from fingers, geometry cannot: two branches or more from the base whose joints or
-links have a word for a part of a leg. These are all robots with legs at their base, and no arm or
-hand, among those of example-robot-data and 40 other public ones.
+links have a word for a part of a leg. Of example-robot-data and 40 other public robots these are
+all with legs at their base, and no arm or hand.
 """
 
 from __future__ import annotations

@@ -1,15 +1,14 @@
 """Loops, and drives that are not on joints: pairs of frames between which forces act.
 
 A loop closes at frame a (on link A) and frame b (on link B); a cylinder pushes between two points,
-a force between a link and the world. All of them are *actions*: a unit wrench of side a on side b
-at b's origin, and its opposite, at the same place, on side a. An action of size x changes the
-wrench that joint j transmits, and the generalized effort, by
+a force between a link and the world. Each is an *action*: a unit wrench of side a on side b at b's
+origin, and its opposite, at the same place, on side a. An action of size x changes the wrench that
+joint j transmits, and the generalized effort, by
 
     w_j += X_j x,     tau += J^T x,     J^T = -E^T X
 
-(paper eq. 10-15 for forces between two bodies). On joints that carry both sides the two wrenches
-cancel exactly. The columns are: drives off the joints, multipliers lambda of the loops, friction of
-the loops' joints.
+(paper eq. 10-15; `notebooks/theory/wrench_twin.md`). The columns are: drives off the joints,
+multipliers lambda of the loops, friction of the loops' joints.
 """
 
 from __future__ import annotations
@@ -70,7 +69,6 @@ class Linkage:
     """All loops and drives off the joints as arrays for the kernels.
 
     Attributes:
-        loops, drives: the loops and the drives off the joints.
         pair_kind: (np,) `LOOP`, `CYLINDER`, `FORCE`, `UNIVERSAL`, `SLIDING`; the loops come first.
         rotation: (np,) which rotations are closed: 0 none, 1 tilting of the axis, 2 all, 3 about
             the common normal of two axes.
@@ -165,9 +163,8 @@ def make_linkage(
 ) -> Linkage:
     """Tabulate a scene's loops, its drives off the joints and the springs with friction.
 
-    `actuators` and `springs` are all of the scene's: drives on joints of the tree and springs
-    without friction are skipped. `friction` decides which loops and cylinders have friction
-    columns.
+    Actuators on joints of the tree and springs without friction are skipped. `friction` decides
+    which loops and cylinders have friction columns.
 
     Raises:
         SceneError: an unknown or duplicate name, an axis or direction of length zero, both sides on
@@ -280,8 +277,8 @@ def stand_still(
 ) -> Linkage:
     """Return the linkage with some joints of loops, or cylinders, fixed at their positions.
 
-    Frame a is moved to frame b, so that all gaps of the two are zero. A cylinder keeps its length.
-    A point that a force drives has no position to keep and stays free.
+    Frame a is moved to frame b, so that their gaps are zero. A cylinder keeps its length. A point
+    that a force drives has no position to keep and stays free.
 
     Args:
         linkage: in which nothing stands still.

@@ -1,7 +1,7 @@
 """Joints that move no mass: of a link without an <inertial>, or of a point mass on the axis.
 
-Such a joint turns without an effort beyond its friction, and no effort determines its motion: it
-can be neither simulated nor sized. Results of other joints do not depend on it.
+No effort determines the motion of such a joint: it can be neither simulated nor sized. Results of
+other joints do not depend on it.
 """
 
 from __future__ import annotations
@@ -25,8 +25,7 @@ def massless(scene: Scene, attached: Iterable[str] | None = None) -> np.ndarray:
     """Return (nv,) bool: which velocities move no mass, M_jj <= 1e-12 max M in all postures tried.
 
     M holds the model's armatures and the drives' rotors, ratio^2 times. A joint that moves other
-    masses by a loop, a cylinder or a force does not count. `attached` are the payloads carried;
-    None takes those attached by default.
+    masses by a loop, a cylinder or a force does not count. `attached`: see `Scene.solver`.
     """
     twin, model = scene.twin(attached), scene.model
     rng, start = np.random.default_rng(0), scene.start_configuration

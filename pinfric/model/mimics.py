@@ -214,9 +214,9 @@ def fix_joint(joint: ElementTree.Element, position: float) -> None:
 def numbers_before_names(root: ElementTree.Element, urdf: Path) -> dict[str, str]:
     """Return joint -> prefix of its name by which leaders come first; empty if none is needed.
 
-    Pinocchio visits joints depth first, those of one link in alphabetical order, and needs a leader
-    before its followers. So of two joints on one link, that with a leader at or beyond it comes
-    before that with the follower. The mimic tags are those of `settle_mimics`.
+    Pinocchio visits joints depth first, those of one link in alphabetical order, and needs leaders
+    first. So of two joints on one link, that with a leader at or beyond it comes before that with
+    the follower.
 
     Raises:
         RobotError: no order has each leader before its followers.

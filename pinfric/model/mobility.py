@@ -1,8 +1,8 @@
 """Mobility of a scene: degrees of freedom, undriven velocities, redundant drives.
 
-Loops allow the velocities v with J_c v = 0; the drives have the rates S v. A velocity with S v = 0
-is undriven. A drive without which [J_c; S] has the same rank is redundant: the motion does not
-determine how it shares the work with others.
+Loops allow the velocities with J_c v = 0. A velocity at which all rates S v of drives are 0 is
+undriven. A drive without which [J_c; S] has the same rank is redundant
+(`notebooks/theory/problem.md`).
 """
 
 from __future__ import annotations
@@ -110,8 +110,8 @@ def mobility_of_linkage(
 def lightest_joint(model: pin.Model, mass: np.ndarray, closed: np.ndarray) -> str:
     """Return the name of the velocity with the largest part in the lightest motion.
 
-    That is the eigenvector of the least eigenvalue of N^T M N, with M (nv, nv), singular, scaled to
-    a diagonal of ones, and N the motions that the rows `closed` (m, nv) of the loops allow.
+    That is the eigenvector of the least eigenvalue of N^T M N: M (nv, nv), singular, is scaled to a
+    diagonal of ones, N are the motions that the loops' rows `closed` (m, nv) allow.
     """
     own = np.diag(mass)
     scale = 1.0 / np.sqrt(np.where(own > 0.0, own, 1.0))

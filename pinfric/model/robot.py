@@ -160,8 +160,8 @@ def mesh_folders(urdf: Path) -> tuple[Path, ...]:
 def check_kinetic_energy(model: pin.Model, source: str) -> None:
     """Refuse a robot with negative kinetic energy, v^T M v / 2 < 0, for some q, v.
 
-    M is positive definite at every pose if all bodies' moments are positive. Links with negative
-    moments are accepted if it is so at all poses that a search within the joints' ranges tries.
+    M is positive definite if all bodies' moments are positive. With negative moments it must be so
+    at all poses that a search within the joints' ranges tries.
     """
     if model.nv == 0:
         return

@@ -75,16 +75,13 @@ class Site:
     """A place with friction: a one-degree joint, the joint that closes a loop, or a cylinder.
 
     Attributes:
-        name: the joint's, loop's or cylinder's name.
         joint: its row in the twin; rows of loops, then of cylinders, follow those of the tree.
         sliding: True for a prismatic joint or a cylinder (friction in N), else False (N m).
         velocity_index, ratio: its velocity is ratio * v[velocity_index] (ratio 1 except for mimic
             joints); -1 for a loop's joint and for a cylinder.
         axis: (3,) unit joint axis in the child's frame (a loop: in frame b; a cylinder: z).
-        law: friction as a function of load and velocity.
-        friction: the scene's entry.
-        pair: row of the loop, or of the cylinder among the pairs of the linkage; -1 for a joint of
-            the tree.
+        law, friction: the law of the scene's entry, and the entry.
+        pair: row among the pairs of the linkage; -1 for a joint of the tree.
         ball: True for a spherical loop joint, whose friction opposes a relative angular velocity.
     """
 

@@ -1,8 +1,8 @@
 """Forces of a scene's springs as wrenches on links, and their potential energy.
 
 A spring in a joint turns its child link by a torque about its axis, and the parent link by the
-opposite one; a spring between points a and b pulls b towards a and a towards b. Their wrenches are
-added to those from outside:
+opposite one; a spring between points a and b pulls b towards a and a towards b. Like wrenches from
+outside,
 
     w_j -= X_j f,     tau -= J^T f,     J^T f = -dU/dq
 """
@@ -37,7 +37,6 @@ class Springs:
     """The springs of a scene on the joints and links of its model.
 
     Attributes:
-        source: the scene, for messages.
         in_joints: the springs in joints; joint, parent: (m,) rows of their joints, and of the
             joints that carry these (-1: the ground); axis: (m, 6) their unit motions.
         lines: the springs between points; ends: (n, 2) rows of the joints that carry them (-1: the

@@ -1,12 +1,10 @@
 """Stiffness of gears as makers print it: angle over torque, a piecewise linear line through 0.
 
-A gear's output turns by delta = theta - q against its motor (theta: motor angle over ratio). With t
-the torque it transmits, from the motor to the joint,
-
     delta = f(t) = sign(t) (delta_i + (|t| - t_i)/K_i),    t_i <= |t| < t_(i+1)
 
-odd and rising; K_i is the tangent stiffness. Angles are in rad and torques in N m at the joint; for
-a joint that slides they are in m and N.
+is the wind-up, the motor's angle over the ratio less the joint's, at the torque t from motor to
+joint; K_i are the tangent stiffnesses. Units are rad and N m at the joint, m and N if it slides.
+See `notebooks/theory/elastic.md`.
 """
 
 from __future__ import annotations

@@ -1,13 +1,14 @@
 """Transmissions: ratio, rotor and the losses of a gear, from makers' figures.
 
-Let t be the effort that the joint receives (N m or N), r the ratio, sigma the joint's direction and
-w the motor's speed. The effort at the input of a moving gear is, seen from the joint,
+Let t be the effort that the joint receives (N m or N), r the ratio, sigma the joint's direction, w
+the motor's speed and n the no-load torque at the motor. Seen from the joint, the effort at the
+input of a moving gear is
 
     u = t + sigma (g(w) L(|t|) + |r| n),     g(w) = c + d |w|^p
 
-with L the loss due to the load, a piecewise linear function through 0, different where the motor
-drives (sigma t > 0) and where the load drives (sigma t < 0), and n the no-load torque at the motor.
-The motor's viscous friction and rotor inertia are added.
+without the motor's viscous friction and rotor. L is the loss due to the load, a piecewise linear
+function through 0, different where the motor drives (sigma t > 0) and where the load drives (sigma
+t < 0). See `notebooks/theory/gears.md`.
 """
 
 from __future__ import annotations
@@ -343,8 +344,7 @@ class Transmission(Entry):
     def with_losses(self, factor: float) -> Transmission:
         """Return the transmission with all its losses times a factor, exactly at every load.
 
-        A total efficiency eta becomes 1/(1 + factor (1/eta - 1)), a back efficiency 1 - factor (1 -
-        eta_b).
+        eta becomes 1/(1 + factor (1/eta - 1)), a back efficiency 1 - factor (1 - eta_b).
         """
         update: dict[str, Any] = {
             name: term.scaled(factor)
@@ -390,8 +390,7 @@ class OwnTransmission(Transmission):
     """Base class of transmissions whose losses follow from keys of their own.
 
     A subclass with the decorator `gear_kind` is a new kind. It has a key `kind`, a `Literal` of one
-    word, keys of its own, and `load_losses`. Ratio, no-load torque, rotor, brake and spring are
-    those of every transmission; it has no efficiencies.
+    word, keys of its own, and `load_losses`, but no efficiencies.
     """
 
     kind: str
@@ -438,9 +437,9 @@ def gear_kind(cls: type[_Gear]) -> type[_Gear]:
 
 
 def load_part(efficiency: float, load: float, no_load: float) -> float:
-    """Return the part of a total loss that is due to the load: load (1/efficiency - 1) - no_load.
+    """Return the load's part of a total loss: load (1/efficiency - 1) - no_load, N m or N.
 
-    `efficiency` is the total at this load; `load` and `no_load` are at the output (N m or N).
+    `efficiency` is the total at this load; `load` and `no_load` are at the output.
     """
     return load * (1.0 / efficiency - 1.0) - no_load
 
@@ -482,8 +481,8 @@ def driven_efficiency(gear: Transmission) -> float:
 def shock_efficiency(gear: Transmission) -> float:
     """Return eta_b of a gear that a brake stops.
 
-    Both the ratio of the torques that start it and 2 - 1/eta are models; the smaller, which makes
-    the larger shock, is taken.
+    Both the ratio of its starting torques and 2 - 1/eta are models; the smaller makes the larger
+    shock.
     """
     back, eta = driven_efficiency(gear), gear.efficiency
     return min(back, 2 - 1 / eta) if isinstance(eta, float) else back

@@ -1,9 +1,8 @@
 """The wrench twin: the same robot with every joint opened to six degrees of freedom.
 
-RNEA on the twin returns, as generalized forces, the wrench that every joint transmits. The
-embedding E(q) maps joint rates to twin rates; it is the paper's partial velocity matrix B (eq. 6)
-in the twin's relative coordinates. So E^T w is the paper's B^T Q (eq. 7), and the five components
-of w that E^T leaves out are the paper's constraint reactions.
+RNEA on the twin returns, as generalized forces, the wrench w that every joint transmits. The
+embedding E(q) maps joint rates to twin rates; it is the paper's partial velocity matrix B (eq. 6).
+See `notebooks/theory/wrench_twin.md`.
 """
 
 from __future__ import annotations
@@ -245,7 +244,7 @@ def embed(
         joints: `Twin.embedding`.
         q_twin, v_twin, a_twin: (n, 7 nj), (n, 6 nj), (n, 6 nj), overwritten: position and
             quaternion (x, y, z, w) of each joint's child side, its twist and its derivative in the
-            child's frame, linear first. Joint bias accelerations are zero for these joints.
+            child's frame, linear first. These joints have no bias acceleration.
     """
     kind, ratio, shift, axis = joints.kind, joints.ratio, joints.shift, joints.axis
     for i in range(q.shape[0]):

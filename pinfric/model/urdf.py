@@ -50,9 +50,9 @@ class UrdfDynamics(NamedTuple):
 def check_urdf(root: ElementTree.Element, urdf: Path) -> None:
     """Check the links and joints of a URDF; its meshes are not read.
 
-    In `root` (see `read_xml`) a robot without a name gets one, numbers are rewritten so that every
-    reader accepts them, and mimic tags as Pinocchio takes them (`settle_mimics`). Physically
-    impossible inertias are kept, with one `PinfricWarning`, because other programs accept them.
+    In `root` (see `read_xml`) a nameless robot gets a name, numbers are rewritten so that every
+    reader accepts them, and mimic tags so that Pinocchio does (`settle_mimics`). Physically
+    impossible inertias, which other programs accept, are kept with one `PinfricWarning`.
 
     Raises:
         RobotError: not a URDF, not a tree, or an impossible mass, inertia, axis, limit or mimic.
@@ -406,7 +406,7 @@ def mesh_file(name: str | None, urdf: Path, package_dirs: Sequence[Path]) -> Pat
 def read_mesh_scene(path: Path) -> tuple[Any, float]:
     """Return a mesh file as trimesh's scene, and the metres that one of its units has.
 
-    Collada files name their unit, which RViz and Gazebo apply; other formats are in metres. Raises
+    Collada files name their unit, as RViz and Gazebo read it; other formats are in metres. Raises
     whatever the format's reader raises.
     """
     import trimesh  # 0.4 s: only where a mesh is there
