@@ -156,24 +156,24 @@ class Judge:
         chosen = np.unique(np.append(np.arange(0, len(track.t), stride), len(track.t) - 1))
         true, model = self.at(track.t[chosen]), self.scene.model
         pairs = zip(true, track.q[chosen], strict=True)
-        return np.array([np.abs(pin.difference(model, one, other)).max() for one, other in pairs])
+        return np.array([np.abs(pin.difference(model, own, other)).max() for own, other in pairs])
 
     def stick_errors(self, track: JudgedTrack) -> list[float]:
         """Return the larger error of both ends of each true interval (s), NaN where missed."""
 
-        def error(true: StickInterval, found: Sequence[StickInterval]) -> float:
+        def error(true: StickInterval, intervals: Sequence[StickInterval]) -> float:
             """Of the interval that overlaps a true one most."""
             off = {
                 min(f.end, true.end) - max(f.start, true.start): max(
                     abs(f.start - true.start), abs(f.end - true.end)
                 )
-                for f in found
+                for f in intervals
                 if f.site == true.site
             }
             most = max(off, default=-1.0)
             return off[most] if most >= 0.0 else _NAN
 
-        read = [[error(true, found) for true in self.sticks] for found in track.readings]
+        read = [[error(true, reading) for true in self.sticks] for reading in track.readings]
         return min(read, key=lambda e: (np.isnan(e).sum(), np.nan_to_num(e).max(initial=0.0)))
 
 

@@ -51,9 +51,9 @@ def estimated_masses(facts: RobotFacts, mass: float) -> tuple[dict[str, pin.Iner
     if hulls and 2 * known >= len(moved) and THIN <= mass / hulls <= DENSE:
         inertias = {}
         for name, extent in shaped.items():
-            part, squares = mass * extent.hull / hulls, extent.size**2
-            moments = np.diag(part / 12 * (squares.sum() - squares))
-            inertias[name] = pin.Inertia(part, 0.5 * (extent.low + extent.high), moments)
+            mass_of_part, squares = mass * extent.hull / hulls, extent.size**2
+            moments = np.diag(mass_of_part / 12 * (squares.sum() - squares))
+            inertias[name] = pin.Inertia(mass_of_part, 0.5 * (extent.low + extent.high), moments)
         return inertias, "the hulls of its links' shapes"
     return _by_length(facts, mass), "the lengths of its links, lighter towards the tip"
 

@@ -129,11 +129,11 @@ def _shape(
     path = mesh_file(mesh.filename, urdf, folders)
     if path is None:
         return None  # said where the robot is read
-    found = _mesh(path)
-    if isinstance(found, str):
-        unread[str(mesh.filename)] = found
+    read = _mesh(path)
+    if isinstance(read, str):
+        unread[str(mesh.filename)] = read
         return None
-    return found, np.ones(3) if mesh.scale is None else np.ones(3) * mesh.scale
+    return read, np.ones(3) if mesh.scale is None else np.ones(3) * mesh.scale
 
 
 def _volume(points: Sequence[np.ndarray]) -> float:

@@ -105,9 +105,9 @@ class RobotFacts:
             lost, nameless = lost_leaders(root), not root.get("name")
             check_urdf(root, urdf)
         texts = (
-            str(one.message).removeprefix(f"{urdf}: ")
-            for one in said
-            if not issubclass(one.category, FindingWarning)
+            str(warning.message).removeprefix(f"{urdf}: ")
+            for warning in said
+            if not issubclass(warning.category, FindingWarning)
         )
         document = read_document(root, urdf)
         folders = mesh_folders(urdf)

@@ -272,8 +272,8 @@ def _positions(scene: Scene, facts: RobotFacts | None) -> Iterator[Finding]:
     start = scene.simulation.start.q if scene.simulation is not None else {}
     locked = {} if scene.robot is None else scene.robot.locked
     joints = {joint.name: joint for joint in facts.document.joints}
-    for section, given in (("robot.locked", locked), ("simulation.start.q", start)):
-        for name, position in given.items():
+    for section, positions in (("robot.locked", locked), ("simulation.start.q", start)):
+        for name, position in positions.items():
             joint = joints.get(name)
             if joint is None or joint.type == "continuous" or joint.limit is None:
                 continue

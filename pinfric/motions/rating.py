@@ -173,13 +173,13 @@ class Rated:
         return "\n".join([*head, f"joints: [{joints}]", "points:", *lines, ""])
 
 
-def parse_rating(given: Rating | Mapping[str, Any]) -> Rating:
+def parse_rating(keys: Rating | Mapping[str, Any]) -> Rating:
     """Return a rating of its keys.
 
     Raises:
         TrajectoryError: an unknown key, or a value that cannot be.
     """
-    return given if isinstance(given, Rating) else parse(Rating, given, "rating", TrajectoryError)
+    return keys if isinstance(keys, Rating) else parse(Rating, keys, "rating", TrajectoryError)
 
 
 def rate(scene: Scene, given: Rating | Mapping[str, Any]) -> Rated:

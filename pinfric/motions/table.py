@@ -181,14 +181,14 @@ def mismatch_warnings(columns: Sequence[JointColumn], table: TrajectoryTable) ->
         columns: (nj,) the joints.
         table: the motion; joints without velocities and times that do not increase are passed over.
     """
-    t, found = table.t, []
+    t, lines = table.t, []
     steps = np.diff(t)
     if t.size < 2 or (steps <= 0.0).any():
         return []
     dense = steps <= GAP_FACTOR * np.median(steps)
     share = _MISMATCH_SHARE if t.size >= _FEWEST_SAMPLES else _FEW_ROWS_MISMATCH
-    every = zip(columns, table.position.T, table.velocity.T, table.resolution, strict=True)
-    for column, q, v, resolution in every:
+    joints = zip(columns, table.position.T, table.velocity.T, table.resolution, strict=True)
+    for column, q, v, resolution in joints:
         if not np.isfinite(v).all():
             continue
         moves = np.diff(q)
@@ -201,12 +201,12 @@ def mismatch_warnings(columns: Sequence[JointColumn], table: TrajectoryTable) ->
         peak = max(float(np.abs(by_position).max()) - noise, float(np.abs(v).max()))
         miss = float(np.sqrt(np.mean((by_position - by_velocity) ** 2)))
         if miss > share * peak + noise:
-            found.append(
+            lines.append(
                 f"joint {column.name}: the velocities given do not fit the positions: they differ "
                 f"by {miss:.3g} {column.unit}/s (RMS) at speeds up to {peak:.3g}; check units, "
                 "order and sign, or leave the velocities out"
             )
-    return found
+    return lines
 
 
 def _noise_warning(

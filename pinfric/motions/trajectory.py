@@ -463,11 +463,11 @@ def _defaults(scene: HasModel) -> dict[str, bool]:
 
 
 def _attached_columns(
-    payloads: Mapping[str, bool], given: Mapping[str, ArrayLike], count: int
+    payloads: Mapping[str, bool], carried: Mapping[str, ArrayLike], count: int
 ) -> BoolArray:
     attached = np.empty((count, len(payloads)), dtype=bool)
     for column, (name, default) in enumerate(payloads.items()):
-        attached[:, column] = np.asarray(given.get(name, default), dtype=bool)
+        attached[:, column] = np.asarray(carried.get(name, default), dtype=bool)
     return attached
 
 

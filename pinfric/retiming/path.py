@@ -179,7 +179,9 @@ class Path:
             )
         rests, position = runs(still), trajectory.joint_positions()
         stops = [
-            rest for i, rest in enumerate(rests) if i == 0 or _moved(position, rests[i - 1], rest)
+            waits
+            for i, waits in enumerate(rests)
+            if i == 0 or _moved(position, rests[i - 1], waits)
         ]
         pieces = [_sampled(position[a[1] : b[0] + 1]) for a, b in pairwise(stops)]
         if not pieces:

@@ -274,51 +274,51 @@ class _Retiming:
             samples = sample(self.path, profile, self.policy.sample_rate, smooth)
         return self.result(problem, profile, samples, smooth, uniform, use)
 
-    def smoothed(self, found: RetimeResult, points: int, heat: bool) -> RetimeResult:
+    def smoothed(self, result: RetimeResult, points: int, heat: bool) -> RetimeResult:
         """Tighten the limits where smoothing exceeds them; if that does not do, go more slowly.
 
         A smoothed sample has the mean speed and acceleration of a time, at one place: where the
         path bends it needs more than any of them.
         """
-        best = found
+        best = result
         for _ in range(_ROUNDS):
             if best.excess <= self.policy.tolerance:
                 return best
             self._tighten(best)
             try:
-                best = self.fastest(points, heat, found.smooth)
+                best = self.fastest(points, heat, result.smooth)
             except RetimeError:  # a limit that is needed to hold is no longer enough
                 break
-        factor, smooth = 1.0, found.smooth
+        factor, smooth = 1.0, result.smooth
         while best.excess > self.policy.tolerance and factor > _SLOWEST:
             factor *= max(0.9, 1.0 / np.sqrt(1.0 + 2.0 * best.excess))
-            profile = found.profile.scaled(factor)
+            profile = result.profile.scaled(factor)
             samples = sample(self.path, profile, self.policy.sample_rate, smooth)
-            use = None if found.rms is None else self.heat_used(samples)
-            best = self.result(found.problem, profile, samples, smooth, found.uniform, use)
+            use = None if result.rms is None else self.heat_used(samples)
+            best = self.result(result.problem, profile, samples, smooth, result.uniform, use)
         return best
 
-    def _tighten(self, found: RetimeResult) -> None:
+    def _tighten(self, result: RetimeResult) -> None:
         """Note where, and by which part, a smoothed motion exceeds a limit."""
-        samples = sample(self.path, found.profile, self.policy.sample_rate, found.smooth)
-        use = found.usage.max(axis=(1, 2))
+        samples = sample(self.path, result.profile, self.policy.sample_rate, result.smooth)
+        use = result.usage.max(axis=(1, 2))
         for i in np.flatnonzero(samples.moving & (use > 1.0)):
-            reach = float(samples.rate[max(i - 1, 0) : i + 2].max()) * found.smooth
+            reach = float(samples.rate[max(i - 1, 0) : i + 2].max()) * result.smooth
             s = float(samples.s[i])
             self.tight[-1].append((int(samples.piece[i]), s - reach, s + reach, float(use[i])))
         self.tight.append([])
 
-    def notes(self, found: RetimeResult, heat: bool) -> Iterator[str]:
+    def notes(self, result: RetimeResult, heat: bool) -> Iterator[str]:
         """Say what is exceeded, what `size` does not accept, and whose heat is not known."""
         names = [drive.name for drive in self.scene.drives]
-        if found.excess > self.policy.tolerance:
-            d, k = np.unravel_index(found.usage.max(axis=0).argmax(), found.usage.shape[1:])
-            why = f"smoothing over {1e3 * found.smooth:g} ms" if found.smooth else "the motion"
+        if result.excess > self.policy.tolerance:
+            d, k = np.unravel_index(result.usage.max(axis=0).argmax(), result.usage.shape[1:])
+            why = f"smoothing over {1e3 * result.smooth:g} ms" if result.smooth else "the motion"
             yield (
                 f"{why} exceeds the {instant_limits()[k].name} of {names[d]} by "
-                f"{100 * found.excess:.2g} %"
+                f"{100 * result.excess:.2g} %"
             )
-        for name, criteria in found.criteria.items():
+        for name, criteria in result.criteria.items():
             failed = [
                 c.why
                 for c in criteria

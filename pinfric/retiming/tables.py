@@ -167,7 +167,7 @@ def make_tables(scene: Scene, path: Path, columns: tuple[JointColumn, ...], grid
         name = carried_names(scene, path, int(grid.piece[first]))
         groups.setdefault(name, []).append(slice(first, last))
     for names, parts in groups.items():
-        rows = np.concatenate([np.arange(part.start, part.stop) for part in parts])
+        rows = np.concatenate([np.arange(table.start, table.stop) for table in parts])
         twin = scene.twin(names)
         at_rest = np.zeros_like(grid.rate[rows])
         states = (

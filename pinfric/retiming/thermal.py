@@ -160,16 +160,16 @@ class _Barrier:
     def minimize(self, x: np.ndarray) -> np.ndarray:
         """Return (n + 1,) x of the minimum, following the weights down."""
         count = 4 * len(self.step) + self.heavy * self.judged.sum() + self.free.sum()
-        part = _FIRST
+        share = _FIRST
         while True:
-            weight = part * self.durations(x)[0].sum() / count
+            weight = share * self.durations(x)[0].sum() / count
             for _ in range(_NEWTON):
                 x, gain = self.newton(x, weight)
                 if gain < 0.05 * weight * np.sqrt(count):
                     break
-            if part <= _LAST:
+            if share <= _LAST:
                 return x
-            part = max(part * _FALL, _LAST)
+            share = max(share * _FALL, _LAST)
 
     def newton(self, x: np.ndarray, weight: float) -> tuple[np.ndarray, float]:
         """One damped step; returns the new x and how much the barrier function fell."""
@@ -238,13 +238,13 @@ class _Barrier:
         columns = np.zeros((len(x), int(self.judged.sum())))
         for c, d in enumerate(np.flatnonzero(self.judged)):
             limit = self.cycle.limit[d] ** 2
-            part = self.heavy * weight / (limit * whole - energy[d])
+            share = self.heavy * weight / (limit * whole - energy[d])
             a, b, Ta, Tb = slope[:, 0, d], slope[:, 1, d], T[:, 0, d, None], T[:, 1, d, None]
             grown = ((2 * Ta + Tb) * a + (Ta + 2 * Tb) * b) / 3.0
             own = first * (square[:, d] - limit)[:, None] + time[:, None] * grown
             products = 2.0 * (_outer(a, a) + _outer(b, b)) + _outer(a, b) + _outer(b, a)
-            gradient += part * own
-            hessian += part * (
+            gradient += share * own
+            hessian += share * (
                 time[:, None, None] * products / 3.0
                 + _outer(first, grown)
                 + _outer(grown, first)
@@ -252,7 +252,7 @@ class _Barrier:
             )
             columns[:-1, c] += own[:, 0]
             columns[1:, c] += own[:, 1]
-            columns[:, c] *= part / np.sqrt(self.heavy * weight)
+            columns[:, c] *= share / np.sqrt(self.heavy * weight)
         values, vectors = np.linalg.eigh(hessian)  # convex but for friction that depends on speed
         values = np.maximum(values, 1e-6 * np.abs(values).max(axis=1, keepdims=True))
         return gradient, np.einsum("nik,nk,njk->nij", vectors, values, vectors), columns

@@ -154,11 +154,11 @@ class Columns:
         """Every column that is read, time first."""
         uses = (self.position, self.velocity, self.acceleration, self.effort)
         names = [name for name in (self.time, self.nanoseconds) if name]
-        names += [use.column for part in uses for use in part.values()]
+        names += [use.column for uses_of in uses for use in uses_of.values()]
         return list(dict.fromkeys([*names, *(PAYLOAD + name for name in self.payloads)]))
 
 
-def read_mapping(path: Path, given: Path | str | None) -> ColumnsFile | None:
+def read_mapping(path: Path, stated: Path | str | None) -> ColumnsFile | None:
     """Read the mapping file that was given, or LOG.columns.yaml beside the log; None: no such file.
 
     Raises:
@@ -166,7 +166,7 @@ def read_mapping(path: Path, given: Path | str | None) -> ColumnsFile | None:
     """
     stem = Path(path.stem).stem if path.suffix.lower() == ".gz" else path.stem
     beside = path.with_name(f"{stem}.columns.yaml")
-    file = Path(given) if given else beside if beside.is_file() else None
+    file = Path(stated) if stated else beside if beside.is_file() else None
     if file is None:
         return None
     return parse(ColumnsFile, read_yaml(file, TrajectoryError), str(file), TrajectoryError)
@@ -192,7 +192,7 @@ def find_columns(
         said: what is missing, twice there or unknown is added here.
         currents: joints whose current, where there is no effort, is read in its place.
     """
-    found, problems = Columns(), said.problems
+    columns, problems = Columns(), said.problems
     names = [joint.name for joint in joints]
     claims: dict[tuple[str, str], list[str]] = {}
     numbered = {}  # number -> joint, from columns `name_0` or `name[0]` that hold the joints' names
@@ -205,7 +205,7 @@ def find_columns(
         if column.startswith(PAYLOAD):
             short = column.removeprefix(PAYLOAD)
             if short in payloads:
-                found.payloads.append(short)
+                columns.payloads.append(short)
             else:
                 problems.append(
                     f"unknown payload in column {brief(column)}; {choose_from(short, payloads)}"
@@ -213,31 +213,31 @@ def find_columns(
         elif meaning is not None and not _WANTED.search(column):
             claims.setdefault(meaning, []).append(column)
         elif not (_TIME.match(column) or column.endswith(_COMPUTED)):
-            found.ignored.append(column)
-    _find_time(header, first, mapping, found, problems)
+            columns.ignored.append(column)
+    _find_time(header, first, mapping, columns, problems)
     named = {c for c, cell in zip(header, first, strict=False) if cell in numbered.values()}
     if mapping is not None:
-        _apply(mapping, header, names, claims, found, problems)
-    if not found.position and not any(quantity == "position" for _, quantity in claims):
+        _apply(mapping, header, names, claims, columns, problems)
+    if not columns.position and not any(quantity == "position" for _, quantity in claims):
         _take_in_order(header, names, claims, said, currents)
-    _settle(claims, found, problems, currents)
-    used = {*found.used(), *named}
-    found.ignored = [column for column in dict.fromkeys(found.ignored) if column not in used]
-    for name in found.used():
+    _settle(claims, columns, problems, currents)
+    used = {*columns.used(), *named}
+    columns.ignored = [column for column in dict.fromkeys(columns.ignored) if column not in used]
+    for name in columns.used():
         if name and header.count(name) > 1:
             problems.append(f"column {brief(name)} occurs {header.count(name)} times")
     other = sorted({quantity for _, quantity in claims})
-    if not found.position and names and other:
+    if not columns.position and names and other:
         problems.append(
             f"has {' and '.join(other)} of the joints, but no positions, which are needed"
         )
-    elif not found.position and names:
+    elif not columns.position and names:
         problems.append(
             f"no column is a joint of the scene ({listing(names)}); there are: "
             f"{_shown(header)}; map them by --columns FILE, a YAML file with "
             f"`joints: {{{names[0]}: COLUMN}}`"
         )
-    return found
+    return columns
 
 
 def _take_in_order(
@@ -340,20 +340,20 @@ def _find_time(
     header: Sequence[str],
     first: Sequence[str],
     mapping: ColumnsFile | None,
-    found: Columns,
+    columns: Columns,
     problems: list[str],
 ) -> None:
     if mapping is not None and mapping.time is not None:
         time = mapping.time if isinstance(mapping.time, TimeMapping) else None
-        found.rate = time.rate if time else None
-        if found.rate is not None:
+        columns.rate = time.rate if time else None
+        if columns.rate is not None:
             return
-        found.time = str(time.column if time else mapping.time)
-        found.time_unit = time.unit if time else None
-        if found.time not in header:
+        columns.time = str(time.column if time else mapping.time)
+        columns.time_unit = time.unit if time else None
+        if columns.time not in header:
             problems.append(
-                f"columns: time: there is no column {brief(found.time)}; "
-                f"{choose_from(found.time, header)}"
+                f"columns: time: there is no column {brief(columns.time)}; "
+                f"{choose_from(columns.time, header)}"
             )
         return
     candidates = [name for name in dict.fromkeys(header) if _TIME.match(name)]
@@ -367,11 +367,11 @@ def _find_time(
             f"with `time: {candidates[0]}`, given by --columns"
         )
     elif candidates:
-        found.time = candidates[0]
+        columns.time = candidates[0]
         unit = (_TIME.match(candidates[0]) or [None, None])[1]
-        found.time_unit = {"sec": "s"}.get(unit.lower(), unit.lower()) if unit else None
+        columns.time_unit = {"sec": "s"}.get(unit.lower(), unit.lower()) if unit else None
     elif len(stamps) == 2:
-        found.time, found.nanoseconds = stamps["s"], stamps["n"]
+        columns.time, columns.nanoseconds = stamps["s"], stamps["n"]
     else:
         problems.append(
             f"there is no column t (time, s), nor time, timestamp or __time; there are: "
@@ -385,7 +385,7 @@ def _apply(
     header: Sequence[str],
     names: Sequence[str],
     claims: dict[tuple[str, str], list[str]],
-    found: Columns,
+    columns: Columns,
     problems: list[str],
 ) -> None:
     """What a mapping says goes before what names suggest."""
@@ -415,12 +415,12 @@ def _apply(
                     f"{brief(column)}; {choose_from(column, header)}"
                 )
                 continue
-            getattr(found, quantity)[joint] = use
+            getattr(columns, quantity)[joint] = use
 
 
 def _settle(
     claims: dict[tuple[str, str], list[str]],
-    found: Columns,
+    result: Columns,
     problems: list[str],
     currents: Collection[str],
 ) -> None:
@@ -432,19 +432,19 @@ def _settle(
                 f"columns {listing(map(repr, chosen))} may all be the {quantity} of "
                 f"joint {joint}; name it by --columns FILE"
             )
-        found.ignored += [c for c in columns if c not in chosen[:1]]
+        result.ignored += [c for c in columns if c not in chosen[:1]]
         if quantity == "current":
             if joint in currents and (joint, "effort") not in claims:
-                found.effort.setdefault(joint, Use(chosen[0]))
+                result.effort.setdefault(joint, Use(chosen[0]))
             else:
-                found.ignored.append(chosen[0])  # a current is an effort only with a gain
+                result.ignored.append(chosen[0])  # a current is an effort only with a gain
             continue
         unit = re.search(r"(?:[\[(_ /])(deg|rad)(?:rees|ians)?(?:/s|_s)?[\])]?$", chosen[0], re.I)
         known = unit[1].lower() if unit and quantity != "effort" else None
-        getattr(found, quantity)[joint] = Use(chosen[0], unit=known)
-        found.by_header |= known is not None and quantity == "position"
+        getattr(result, quantity)[joint] = Use(chosen[0], unit=known)
+        result.by_header |= known is not None and quantity == "position"
         if quantity in ("velocity", "acceleration") and not exact:
-            found.planned = False
+            result.planned = False
 
 
 def _shown(header: Sequence[str]) -> str:

@@ -97,15 +97,15 @@ def open_csv(path: Path) -> OpenedLog:
         table = _sorted_by_names(_table(path, _numbered_lines(path)))
     elif (place := _joint_place(table)) is not None:
         table = _one_row_a_time(_table(path, _numbered_lines(path)), place)
-    given = table.is_named or table.rewritten
+    in_memory = table.is_named or table.rewritten
 
     def read(names: Sequence[str], problems: list[str]) -> LogFrame:
-        in_parts = not given and path.stat().st_size >= _SMALL
-        found = _read_in_parts(table, names) if in_parts else None
-        if found is None:
-            whole = table if given else _table(path, _numbered_lines(path))
-            found = _read_by_line(whole, names)
-        return usable_rows(found, problems)
+        in_parts = not in_memory and path.stat().st_size >= _SMALL
+        raw = _read_in_parts(table, names) if in_parts else None
+        if raw is None:
+            whole = table if in_memory else _table(path, _numbered_lines(path))
+            raw = _read_by_line(whole, names)
+        return usable_rows(raw, problems)
 
     first = cells_of(table.rows[0], table.separator)
     clocks = dict(zip(table.header, first, strict=False))
@@ -133,13 +133,13 @@ def _check_size(path: Path) -> None:
     """Refuse what would fill the memory, before any of it is kept: see `check_size`."""
     lines = size = 0
     with _unreadable_said(path), _opened(path, "rb") as file:
-        while part := file.read(_LONG):
-            ends = max(part.count(b"\n"), part.count(b"\r"))
-            if not ends and len(part) == _LONG:
+        while chunk := file.read(_LONG):
+            ends = max(chunk.count(b"\n"), chunk.count(b"\r"))
+            if not ends and len(chunk) == _LONG:
                 raise TrajectoryError(
                     f"{path}: line {lines + 1} has more than {_LONG:,} bytes; is this a table?"
                 )
-            lines, size = lines + ends, size + len(part)
+            lines, size = lines + ends, size + len(chunk)
             check_size(path, lines, inflated=size if path.suffix.lower() == ".gz" else 0)
 
 
@@ -169,10 +169,10 @@ def _read_in_parts(table: _Table, names: Sequence[str]) -> RawRows | None:
             chunksize=_PART,
             encoding="utf-8-sig",
         ) as reader:
-            for part in reader:
-                if part.shape[1] != last + 1 or part[last].isna().any():
+            for chunk in reader:
+                if chunk.shape[1] != last + 1 or chunk[last].isna().any():
                     return None
-                own = part[list(places)].set_axis(list(names), axis=1)
+                own = chunk[list(places)].set_axis(list(names), axis=1)
                 for name, start in origin.items():
                     own[name] -= start
                 parts.append(own.to_numpy(dtype=np.float64))
@@ -205,10 +205,10 @@ def _read_by_line(table: _Table, names: Sequence[str]) -> RawRows:
     for row in cells:
         for i in clocks:
             row[i] = row[i] if (stamp := _stamp(row[i])) is None else str(stamp)
-    found = [[_number(cell) for cell in row] for row in cells]
+    numbers = [[_number(cell) for cell in row] for row in cells]
     shape = len(cells), len(names)
-    unreadable = np.array([[x is None for x in row] for row in found], dtype=bool).reshape(shape)
-    values = np.array(found, dtype=np.float64).reshape(shape)  # None becomes NaN
+    unreadable = np.array([[x is None for x in row] for row in numbers], dtype=bool).reshape(shape)
+    values = np.array(numbers, dtype=np.float64).reshape(shape)  # None becomes NaN
     origin = {}
     for i, name in enumerate(names):
         column = values[:, i]
@@ -224,15 +224,15 @@ def _read_by_line(table: _Table, names: Sequence[str]) -> RawRows:
 
 def _resolution(names: Sequence[str], values: FloatArray) -> dict[str, float]:
     """Column -> its last digit: 10^(digits before the point of the largest number - digits)."""
-    found = {}
+    resolutions = {}
     for name, column in zip(names, values.T, strict=True):
         largest = float(np.max(np.abs(column), where=np.isfinite(column), initial=0.0))
         some = map(repr, column[:: max(1, column.size // _ROWS_FOR_DIGITS)].tolist())
         mantissas = (re.split("[eE]", x, maxsplit=1)[0].removesuffix(".0") for x in some)
         digits = max((len(re.sub(r"\D", "", x).lstrip("0")) for x in mantissas), default=0)
         whole = math.floor(math.log10(largest)) + 1 if largest else 0
-        found[name] = float(10.0 ** (whole - digits)) if largest else 0.0
-    return found
+        resolutions[name] = float(10.0 ** (whole - digits)) if largest else 0.0
+    return resolutions
 
 
 def _stamp(cell: str) -> int | None:
@@ -241,15 +241,15 @@ def _stamp(cell: str) -> int | None:
     if match is None:
         return None
     try:
-        found = int(
+        nanoseconds = int(
             np.datetime64(f"{match[1]}T{match[2].replace(',', '.')}", "ns").astype(np.int64)
         )
     except ValueError:  # no such day
         return None
     if not match[3]:
-        return found
+        return nanoseconds
     ahead = int(match[4]) * 3600 + int(match[5]) * 60
-    return found - (1 if match[3] == "+" else -1) * ahead * 10**9
+    return nanoseconds - (1 if match[3] == "+" else -1) * ahead * 10**9
 
 
 def _number(cell: str) -> float | None:
@@ -400,9 +400,9 @@ def _echoed(cells: Sequence[str]) -> list[str] | None:
     """
     is_word = [_number(cell) is None for cell in cells]
     count = [*is_word[3:], False].index(False)
-    times, left = divmod(len(cells) - 3 - count, max(count, 1))
+    times, odd = divmod(len(cells) - 3 - count, max(count, 1))
     stamped = all(cell.isdigit() for cell in cells[:2])
-    if not stamped or count == 0 or left or times not in (1, 2, 3) or any(is_word[3 + count :]):
+    if not stamped or count == 0 or odd or times not in (1, 2, 3) or any(is_word[3 + count :]):
         return None
     parts = ["name", "position", "velocity" if times == 3 else "unknown", "effort"][: times + 1]
     columns = [f"{part}_{i}" for part in parts for i in range(count)]

@@ -133,7 +133,7 @@ def open_numpy(path: Path) -> OpenedLog:
     """
     try:
         with zipfile.ZipFile(path) as parts:
-            check_size(path, 0, inflated=sum(part.file_size for part in parts.infolist()))
+            check_size(path, 0, inflated=sum(member.file_size for member in parts.infolist()))
         with np.load(path, allow_pickle=False) as content:
             arrays = {name: content[name] for name in content.files}
     except (OSError, ValueError, zipfile.BadZipFile, zlib.error, EOFError) as problem:
@@ -151,9 +151,9 @@ def open_json(path: Path) -> OpenedLog:
     try:
         check_size(path, 0, inflated=path.stat().st_size)
         content = json.loads(path.read_bytes())
-        if isinstance(content, list) and all(isinstance(one, dict) for one in content):
-            keys = dict.fromkeys(key for one in content for key in one)
-            content = {key: [one.get(key) for one in content] for key in keys}
+        if isinstance(content, list) and all(isinstance(record, dict) for record in content):
+            keys = dict.fromkeys(key for record in content for key in record)
+            content = {key: [record.get(key) for record in content] for key in keys}
     except (OSError, ValueError, RecursionError) as problem:
         reason = " ".join(str(problem).split())[:200]
         raise TrajectoryError(f"{path}: cannot be read as JSON: {reason}") from None
@@ -178,8 +178,8 @@ def _arrays(prefix: str, content: Mapping[str, Any]) -> Iterator[tuple[str, NDAr
         if isinstance(value, dict):
             yield from _arrays(f"{prefix}{name}.", value)
             continue
-        if isinstance(first, dict) and all(isinstance(one, dict) for one in value):
-            rows = {key: [one.get(key) for one in value] for key in first}
+        if isinstance(first, dict) and all(isinstance(record, dict) for record in value):
+            rows = {key: [record.get(key) for record in value] for key in first}
             yield from _arrays(f"{prefix}{name}.", rows)
             continue
         try:
@@ -220,10 +220,10 @@ def _inflated(path: Path) -> int:
         order = ">" if file.read(128)[-2:] == b"MI" else "<"
         while (head := file.read(8)) and size <= MOST_BYTES:
             kind, length = struct.unpack(f"{order}II", head)
-            rest, inflate = file.read(length), zlib.decompressobj()
-            while kind == compressed and rest and size <= MOST_BYTES:
-                size += len(inflate.decompress(rest, _PART))
-                rest = inflate.unconsumed_tail
+            data, inflate = file.read(length), zlib.decompressobj()
+            while kind == compressed and data and size <= MOST_BYTES:
+                size += len(inflate.decompress(data, _PART))
+                data = inflate.unconsumed_tail
     return size
 
 

@@ -35,12 +35,12 @@ def check_size(path: Path, rows: int, columns: int = 1, inflated: int = 0) -> No
     Raises:
         TrajectoryError: it has.
     """
-    for found, most, what in (
+    for count, most, what in (
         (rows, MOST_ROWS, "rows"),
         (rows * columns, MOST_CELLS, "numbers"),
         (inflated, MOST_BYTES, "decompressed bytes"),
     ):
-        if found > most:
+        if count > most:
             raise TrajectoryError(f"{path}: has more than {most:,} {what}; split it")
 
 
@@ -182,9 +182,9 @@ def usable_rows(rows: RawRows, problems: list[str]) -> LogFrame:
 
 def _bad_cells(rows: RawRows, absent: BoolArray) -> list[str]:
     """Say what is torn, what is no number, and what is not finite."""
-    found, lines, names = [], rows.frame.lines, rows.frame.names
+    problems, lines, names = [], rows.frame.lines, rows.frame.names
     if rows.torn:
-        found.append(
+        problems.append(
             f"the header has {rows.width} columns; rows with another number of cells: "
             f"{listing(rows.torn)}"
         )
@@ -192,7 +192,7 @@ def _bad_cells(rows: RawRows, absent: BoolArray) -> list[str]:
     for j in np.flatnonzero((unreadable | absent[:, None]).all(axis=0)).tolist():
         if not any(rows.cell(i, j) for i in range(len(lines))):
             unreadable[:, j] = False
-            found.append(
+            problems.append(
                 f"column {names[j]} is empty: name another by --columns FILE; a joint whose effort "
                 "is unknown is left out by `identify --without JOINT`"
             )
@@ -201,14 +201,14 @@ def _bad_cells(rows: RawRows, absent: BoolArray) -> list[str]:
         where = listing(
             f"line {lines[i]}, column {names[j]}: {brief(rows.cell(i, j))}" for i, j in words
         )
-        found.append(f"not a number: {where}; {_remedy([rows.cell(i, j) for i, j in words])}")
+        problems.append(f"not a number: {where}; {_remedy([rows.cell(i, j) for i, j in words])}")
     for j, name in enumerate(names):
         column = rows.frame.values[:, j]
         wrong = np.flatnonzero(~np.isfinite(column) & ~rows.unreadable[:, j]).tolist()
         if wrong:
             where = listing(f"{column[i]:g} at sample {i} (line {lines[i]})" for i in wrong)
-            found.append(f"column {name}: {where}; every value must be finite")
-    return found
+            problems.append(f"column {name}: {where}; every value must be finite")
+    return problems
 
 
 def _remedy(cells: Sequence[str]) -> str:
@@ -251,11 +251,11 @@ class Log:
         """
         t, shape = np.asarray(self.t), (np.size(self.t), len(joints))
         columns: dict[str, Any] = {"t": t}
-        for quantity, given in (("", self.q), ("/velocity", self.v), ("/effort", self.effort)):
-            if given is None:
+        for quantity, array in (("", self.q), ("/velocity", self.v), ("/effort", self.effort)):
+            if array is None:
                 continue
             what = f"{self.name}: {quantity[1:] or 'q'}"
-            values = real_numbers(what, given, TrajectoryError)
+            values = real_numbers(what, array, TrajectoryError)
             if t.ndim != 1 or values.shape != shape:
                 raise TrajectoryError(
                     f"{what} has shape {values.shape}; t and the scene's joints make {shape}"

@@ -219,10 +219,10 @@ def _effort_bound(result: InverseResult, noise: DerivativeNoise) -> FloatArray:
     attached = None if states.attached is None else states.attached[places]
 
     def efforts(v: FloatArray, a: FloatArray) -> FloatArray:
-        found = inverse_dynamics(scene, q, v, a, attached=attached)
-        return 0.5 * (found.effort_lower + found.effort_upper)
+        computed = inverse_dynamics(scene, q, v, a, attached=attached)
+        return 0.5 * (computed.effort_lower + computed.effort_upper)
 
-    plain, every = efforts(v, a), np.arange(count)
+    plain, samples = efforts(v, a), np.arange(count)
     variance, shift, cut = (np.zeros_like(result.effort_upper) for _ in range(3))
     for k, column in enumerate(joint_columns(scene.model)):
         moving, index = noise.moving[:, k], column.index_v
@@ -235,9 +235,9 @@ def _effort_bound(result: InverseResult, noise: DerivativeNoise) -> FloatArray:
         by_velocity = efforts(faster, a) - plain
         by_acceleration = (efforts(v, harder) - plain) / step
         for i in range(plain.shape[1]):
-            gain = np.interp(every, places, by_acceleration[:, i])
-            rest = np.interp(every, places, by_velocity[:, i])
-            variance[:, i] += moving * ((gain * noise.acceleration[k]) ** 2 + rest**2)
+            gain = np.interp(samples, places, by_acceleration[:, i])
+            by_speed = np.interp(samples, places, by_velocity[:, i])
+            variance[:, i] += moving * ((gain * noise.acceleration[k]) ** 2 + by_speed**2)
             shift[:, i] += gain * noise.acceleration_shift[:, k]
             cut[:, i] += moving * (gain * noise.acceleration_cut[k]) ** 2
     return COVERAGE * np.sqrt(variance) + np.abs(shift) + _PEAK_OVER_RMS * np.sqrt(cut)

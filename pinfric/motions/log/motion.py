@@ -173,12 +173,12 @@ def regularise(samples: Samples) -> Regular | None:
     """
     _leave_out_repeats(samples)
     table = samples.table
-    given = np.isfinite(table.acceleration).all() and np.isfinite(table.velocity).all()
-    timing = None if given else regular_time(table.t)
+    complete = np.isfinite(table.acceleration).all() and np.isfinite(table.velocity).all()
+    timing = None if complete else regular_time(table.t)
     if timing is not None:
         return _on_regular_time(samples, timing)
     steps = np.diff(table.t)
-    if not given and 2 < table.t.size < FEWEST and np.median(steps) < _PACE:
+    if not complete and 2 < table.t.size < FEWEST and np.median(steps) < _PACE:
         rows = counted(table.t.size, "row")
         samples.said(f"{rows}: too few to separate noise from motion, not filtered")
     if (steps <= 0.0).any():
@@ -384,8 +384,8 @@ def _filtered(regular: Regular, noisy: Sequence[bool], options: ReadingOptions) 
     """Low-pass what is noisy (all that moves, where the cutoff was given) between its holds."""
     even, step, thinning = regular.even, regular.step, options.thinning
     measured, t = even.table.position, even.table.t
-    every = thinning.every(step) if thinning else 1
-    kept = np.arange(0, t.size, every)
+    stride = thinning.every(step) if thinning else 1
+    kept = np.arange(0, t.size, stride)
     noise, floor = (
         [
             regular.spread * level(q, regular.t) if is_so else 0.0
@@ -393,7 +393,7 @@ def _filtered(regular: Regular, noisy: Sequence[bool], options: ReadingOptions) 
         ]
         for level in (noise_level, noise_floor)
     )
-    found = with_resting_ends(measured, step, noise, find_noisy_holds(measured, step, noise))
+    resting = with_resting_ends(measured, step, noise, find_noisy_holds(measured, step, noise))
     kinds: dict[str, type] = dict.fromkeys(("position", "velocity", "acceleration"), float)
     # how far the low pass may be wrong is not known to more than single precision's digits
     kinds |= {"shift": np.float32, "moving": bool}
@@ -402,11 +402,11 @@ def _filtered(regular: Regular, noisy: Sequence[bool], options: ReadingOptions) 
     }
     passes, spreads = [], []
     for i, q in enumerate(measured.T):
-        holds = found[i] if noisy[i] else find_holds(q, float(even.table.resolution[i]))
+        holds = resting[i] if noisy[i] else find_holds(q, float(even.table.resolution[i]))
         passes.append(_chosen_pass(q, step, floor[i], holds, noisy[i], options.cutoff))
         columns, spread_of = _low_passed(regular, i, holds, passes[i], noise[i], thinning)
-        for part, column in zip(parts.values(), columns, strict=True):
-            part[:, i] = column
+        for target, column in zip(parts.values(), columns, strict=True):
+            target[:, i] = column
         spreads.append(spread_of)
     names, spread = [column.name for column in even.columns], np.array(spreads)
     even.said(
@@ -430,9 +430,9 @@ def _filtered(regular: Regular, noisy: Sequence[bool], options: ReadingOptions) 
         velocity=parts["velocity"],
         acceleration=parts["acceleration"],
     )
-    even.every = every
+    even.every = stride
     ends = [0.0 if own.cutoff is None else _ONE_SIDED / own.cutoff for own in passes]
-    _leave_out_ends(even, parts["moving"], np.array(ends), every * step)
+    _leave_out_ends(even, parts["moving"], np.array(ends), stride * step)
     return even
 
 
@@ -451,15 +451,15 @@ def _chosen_pass(
     noise: float,
     holds: Sequence[tuple[int, int]],
     is_noisy: bool,
-    given: float | str | None,
+    stated: float | str | None,
 ) -> _Pass:
     """Return the low pass that a joint needs, or of the cutoff that was given if it moves."""
     moves = sum(last - first + 1 for first, last in holds) < q.size
-    if not moves or given == "none" or (given is None and not is_noisy):
+    if not moves or stated == "none" or (stated is None and not is_noisy):
         return _Pass()
     seen, gaussian = Spectra.of(q, step, noise), False
-    cutoff = given if isinstance(given, float) else signal_cutoff(seen)
-    if given is None and cutoff is not None and acceleration_jumps(seen, cutoff):
+    cutoff = stated if isinstance(stated, float) else signal_cutoff(seen)
+    if stated is None and cutoff is not None and acceleration_jumps(seen, cutoff):
         cutoff, gaussian = signal_cutoff(seen, gaussian=True), True
     lost = 0.0 if cutoff is None else motion_taken_away(seen, cutoff, gaussian)
     return _Pass(cutoff, gaussian, lost)
@@ -474,7 +474,7 @@ def _leave_out_ends(even: Samples, moving: BoolArray, ends: FloatArray, step: fl
         ends: (nj,) how long its low pass is unreliable at an end, s.
         step: s between samples.
     """
-    count, every, uncertain = len(moving), even.every, even.reading.uncertain
+    count, stride, uncertain = len(moving), even.every, even.reading.uncertain
     first, last = (
         min(int(np.max(ends * moving[at], initial=0.0) / step + 0.5), count // 4) for at in (0, -1)
     )
@@ -490,11 +490,11 @@ def _leave_out_ends(even: Samples, moving: BoolArray, ends: FloatArray, step: fl
         )
     )
     even.left_out(
-        (first + last) * every,
+        (first + last) * stride,
         f"left out {_time(first * step)} at the start and {_time(last * step)} at the end, "
         "where joints move and the low pass has samples on one side only",
     )
-    even.rows = even.rows[first * every : (count - last) * every]
+    even.rows = even.rows[first * stride : (count - last) * stride]
     even.keep(np.arange(count)[inside])
 
 
@@ -512,7 +512,7 @@ def _low_passed(
     acceleration.
     """
     t, step, cutoff, gaussian = regular.even.table.t, regular.step, chosen.cutoff, chosen.gaussian
-    every = thinning.every(step) if thinning else 1
+    stride = thinning.every(step) if thinning else 1
     q = regular.even.table.position[:, joint].copy()
     moving, shift = np.ones(q.size, dtype=bool), np.zeros(1)
     for first, last in holds:
@@ -523,19 +523,19 @@ def _low_passed(
         spread = [noise * gain / step ** (k + 1) for k, gain in enumerate(SPLINE_GAINS)]
     else:
         lower = low_pass(q, step, (_GAUSSIAN_LOWER if gaussian else _LOWER) * cutoff, gaussian)
-        shift = position_derivatives(t, lower, ())[1][::every].copy()
+        shift = position_derivatives(t, lower, ())[1][::stride].copy()
         del lower
         smooth = low_pass(q, step, cutoff, gaussian)
         v, a = position_derivatives(t, smooth, ())
-        shift = (shift - a[::every]) * moving[::every]
+        shift = (shift - a[::stride]) * moving[::stride]
         np.copyto(q, smooth, where=moving)
         del smooth
         v[~moving] = a[~moving] = 0.0
         spread = [noise * noise_gain(step, cutoff, order, gaussian) for order in (1, 2)]
-    q, v = q[::every].copy(), v[::every].copy()
-    if thinning and every > 1:
+    q, v = q[::stride].copy(), v[::stride].copy()
+    if thinning and stride > 1:
         a = thinning.acceleration(a, step)
-    return [q, v, a[::every], shift, moving[::every]], spread
+    return [q, v, a[::stride], shift, moving[::stride]], spread
 
 
 def _noise_line(reading: Reading, unit: str) -> str:

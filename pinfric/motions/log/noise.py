@@ -246,8 +246,8 @@ def _density(x: FloatArray, rate: float, length: int) -> tuple[FloatArray, Float
     count = (x.size - beside) // (length - beside)  # segments, which overlap by a half
     for first in range(0, count, _SEGMENTS):
         own, start = min(_SEGMENTS, count - first), first * (length - beside)
-        part = x[start : start + own * (length - beside) + beside]
-        frequency, density = welch(part, rate, nperseg=length, detrend=False)
+        series = x[start : start + own * (length - beside) + beside]
+        frequency, density = welch(series, rate, nperseg=length, detrend=False)
         total = total + density * (own / count)
     return frequency, np.asarray(total)
 

@@ -88,29 +88,29 @@ def read_log(
         name, log = str(source), _open(source, joints)
         mapping = read_mapping(source, options.columns)
     said.notes += log.notes
-    found = find_columns(log.header, log.first, joints, payloads, mapping, said, options.currents)
-    found.effort = {x: use for x, use in found.effort.items() if x not in options.without}
-    found.time_unit = options.time_unit or found.time_unit or log.units.get(found.time)
+    columns = find_columns(log.header, log.first, joints, payloads, mapping, said, options.currents)
+    columns.effort = {x: use for x, use in columns.effort.items() if x not in options.without}
+    columns.time_unit = options.time_unit or columns.time_unit or log.units.get(columns.time)
     options = replace(options, unit=options.unit or (mapping.unit if mapping else None))
-    named = choose(list(found.position), said.problems)
-    missing = [column.name for column in named if column.name not in found.position]
-    others = listing(map(brief, found.ignored))
-    if missing and found.position:
+    named = choose(list(columns.position), said.problems)
+    missing = [column.name for column in named if column.name not in columns.position]
+    others = listing(map(brief, columns.ignored))
+    if missing and columns.position:
         near = f" (columns not used: {others})" if others else ""
         said.problems.append(
             f"joints without a column: {', '.join(missing)}{near}; name theirs by "
             "--columns FILE, or lock them in the scene (robot: locked)"
         )
     said.notes += [f"columns not used: {others}"] if others else []
-    named = tuple(column for column in named if column.name in found.position)
-    if not (found.time or found.rate) or not named:
+    named = tuple(column for column in named if column.name in columns.position)
+    if not (columns.time or columns.rate) or not named:
         refuse(name, said.problems)
-    samples, factors = _to_si(name, log, found, named, options, said)
+    samples, factors = _to_si(name, log, columns, named, options, said)
     turns = [factor for column, factor in zip(named, factors, strict=True) if column.unit == "rad"]
-    said.problems += _moving_though_locked(log, found.ignored, locked, (turns or [1.0])[0])
+    said.problems += _moving_though_locked(log, columns.ignored, locked, (turns or [1.0])[0])
     if not said.problems:
         samples = smooth(samples, regularise(samples), options)
-        if samples.reading.filtered and found.planned and found.velocity and not log.recorded:
+        if samples.reading.filtered and columns.planned and columns.velocity and not log.recorded:
             samples.said(
                 "velocities in the file are not used: they are derived from filtered positions"
             )
@@ -136,15 +136,15 @@ def _open(path: Path, joints: Sequence[JointColumn]) -> OpenedLog:
     )
 
 
-def _absurd(cells: LogFrame, found: Columns) -> list[str]:
+def _absurd(cells: LogFrame, columns: Columns) -> list[str]:
     """Return numbers beyond those of any motion: units, noise and speeds cannot be asked of them.
 
     Times have their own bounds: nanoseconds since 1970 are beyond 1e18.
     """
-    given = ("position", found.position), ("velocity", found.velocity)
+    quantities = ("position", columns.position), ("velocity", columns.velocity)
     worst = {
         f"{what} of {joint}": np.nanmax(np.abs(column), initial=0.0, where=np.isfinite(column))
-        for what, uses in (*given, ("acceleration", found.acceleration))
+        for what, uses in (*quantities, ("acceleration", columns.acceleration))
         for joint, use in uses.items()
         for column in [cells.column(use.column)]
     }
@@ -158,29 +158,29 @@ def _absurd(cells: LogFrame, found: Columns) -> list[str]:
 def _to_si(
     name: str,
     log: OpenedLog,
-    found: Columns,
+    columns: Columns,
     named: tuple[JointColumn, ...],
     options: ReadingOptions,
     said: Remarks,
 ) -> tuple[Samples, list[float]]:
     """Return the rows in SI and in order of time, each with its effort, and rad per unit."""
     # 1. numbers
-    cells = log.read(found.used(), said.problems)
-    said.problems += (absurd := _absurd(cells, found))
+    cells = log.read(columns.used(), said.problems)
+    said.problems += (absurd := _absurd(cells, columns))
     if absurd or not len(cells.values):
         refuse(name, said.problems or ["there are no samples"])
     if cells.dropped:
-        every = len(cells.values) + cells.dropped
-        said.notes.append(f"left out {counted(cells.dropped, 'row')} of {every}: {cells.why}")
+        total = len(cells.values) + cells.dropped
+        said.notes.append(f"left out {counted(cells.dropped, 'row')} of {total}: {cells.why}")
     if cells.absent:
         said.notes.append(f"{counted(cells.absent, 'row')} without positions skipped")
     # 2. units; a person knows better than a header
-    uses = [found.position[column.name] for column in named]
-    known = [None if found.by_header and options.unit else use.unit for use in uses]
+    uses = [columns.position[column.name] for column in named]
+    known = [None if columns.by_header and options.unit else use.unit for use in uses]
     raw = (cells.column(use.column) for use in uses)
     factors = angle_unit(named, raw, known, options.unit, said)
-    position = _quantity(cells, found.position, named, factors)
-    t = _seconds(cells, found, named, position, said)
+    position = _quantity(cells, columns.position, named, factors)
+    t = _seconds(cells, columns, named, position, said)
     # 3. order
     check_times(t, cells.lines, said.problems)
     kept = ordered_rows(t, cells.lines, said)
@@ -188,31 +188,31 @@ def _to_si(
     lines = [cells.lines[i] for i in kept] if kept.size < len(cells.lines) else cells.lines
     t, position = t[kept], position[taken]
     # 4. what contradicts the units, turns, motions that cannot be
-    planned = found.planned and bool(found.velocity)
+    planned = columns.planned and bool(columns.velocity)
     if not planned and set(factors) == {1.0}:
         said.ask(fast_angles, named, t, position, known, options.unit)
-    if found.by_header and not options.unit:
+    if columns.by_header and not options.unit:
         said.ask(slow_angles, named, t, position, factors)
     position = unwrapped(named, position, said.notes)
     if not planned:
         said.ask(impossible_motions, named, t, position, lines)
     # 5. all else in the rows
     velocity, acceleration = (
-        _quantity(cells, part, named, _own_units(part, named, factors, options.unit))[taken]
-        for part in (found.velocity, found.acceleration)
+        _quantity(cells, uses_of, named, _own_units(uses_of, named, factors, options.unit))[taken]
+        for uses_of in (columns.velocity, columns.acceleration)
     )
-    attached = {name: _phase(cells, name, said.problems)[kept] for name in found.payloads}
+    attached = {name: _phase(cells, name, said.problems)[kept] for name in columns.payloads}
     efforts = {
         column.name: mended_effort(column.name, effort[taken], q, lines, said)
         for column, q in zip(named, position.T, strict=True)
-        if (use := found.effort.get(column.name))
+        if (use := columns.effort.get(column.name))
         for effort in [use.factor * cells.column(use.column)]
     }
     resolution = np.array([cells.resolution.get(use.column, 0.0) for use in uses])
     resolution = resolution * np.abs(factors)
     table = TrajectoryTable(t, position, velocity, acceleration, attached, resolution)
     # 6. measured velocities are only compared
-    measured = log.recorded or not found.planned
+    measured = log.recorded or not columns.planned
     if measured or efforts:
         said.ask(wrong_velocities, named, t, position, velocity)
     if measured and not said.problems:
@@ -227,8 +227,8 @@ def _to_si(
         notes=tuple(said.notes),
         effort=efforts,
     )
-    recorded, rows = log.recorded or bool(found.effort), np.arange(t.size, dtype=np.float64)
-    logged = velocity if found.velocity else None
+    recorded, rows = log.recorded or bool(columns.effort), np.arange(t.size, dtype=np.float64)
+    logged = velocity if columns.velocity else None
     return Samples(named, table, rows, reading, said.problems, recorded, logged), factors
 
 
@@ -239,7 +239,7 @@ def _moving_though_locked(
     factor: float,
 ) -> list[str]:
     """Return a line for each joint that the scene fixes, and that moves in the log."""
-    found = []
+    problems = []
     for column in columns:
         joint, quantity = meaning_of(column, tuple(locked), {}) or ("", "")
         if quantity != "position":
@@ -248,13 +248,13 @@ def _moving_though_locked(
         q = (factor if unit == "rad" else 1.0) * log.read([column], []).values[:, 0]
         q = q[np.isfinite(q)]
         if q.size and np.ptp(q) > _LOCKED_WAY:
-            found.append(
+            problems.append(
                 f"joint {joint}: the scene locks it at {place:g}, but in the log it moves "
                 f"from {q.min():.4g} to {q.max():.4g}, which loads its neighbours: take it out of "
                 f"`robot: locked` (`identify --without {joint}` needs no effort of it), or leave "
                 "its column out of the log if what it moves weighs nothing"
             )
-    return found
+    return problems
 
 
 def _finish(samples: Samples, recorded: bool, thinning: Thinning | None) -> None:
@@ -295,10 +295,13 @@ def _quantity(
 
 
 def _own_units(
-    uses: Mapping[str, Use], named: Sequence[JointColumn], of_angles: list[float], given: str | None
+    uses: Mapping[str, Use],
+    named: Sequence[JointColumn],
+    of_angles: list[float],
+    stated: str | None,
 ) -> list[float]:
     """Return rad per unit: what a column's header says, else that of the joint's angles."""
-    units = [None if given or c.name not in uses else uses[c.name].unit for c in named]
+    units = [None if stated or c.name not in uses else uses[c.name].unit for c in named]
     return [
         of_angle if unit is None or column.unit != "rad" else ANGLE_UNITS[unit]
         for column, unit, of_angle in zip(named, units, of_angles, strict=True)
@@ -307,7 +310,7 @@ def _own_units(
 
 def _seconds(
     cells: LogFrame,
-    found: Columns,
+    columns: Columns,
     named: Sequence[JointColumn],
     position: FloatArray,
     said: Remarks,
@@ -316,16 +319,16 @@ def _seconds(
 
     Rows without a time were written at one rate; those that were left out have theirs.
     """
-    if found.rate is not None:
-        said.notes.append(f"no column is the time: rows taken as written at {found.rate:g} Hz")
-        return (np.asarray(cells.lines, dtype=np.float64) - cells.lines[0]) / found.rate
-    t = cells.column(found.time)
-    start = float(cells.origin.get(found.time, 0)) + float(t[0])
-    if found.nanoseconds is not None:
-        return (t - t[0]) + 1e-9 * cells.column(found.nanoseconds)
-    factor = time_factor(found.time, t, start, found.time_unit, named, position, said)
+    if columns.rate is not None:
+        said.notes.append(f"no column is the time: rows taken as written at {columns.rate:g} Hz")
+        return (np.asarray(cells.lines, dtype=np.float64) - cells.lines[0]) / columns.rate
+    t = cells.column(columns.time)
+    start = float(cells.origin.get(columns.time, 0)) + float(t[0])
+    if columns.nanoseconds is not None:
+        return (t - t[0]) + 1e-9 * cells.column(columns.nanoseconds)
+    factor = time_factor(columns.time, t, start, columns.time_unit, named, position, said)
     if is_clock(start * factor):
-        said.notes.append(f"column {found.time} is clock time: times count from its first row")
+        said.notes.append(f"column {columns.time} is clock time: times count from its first row")
         t = t - t[0]
     return t if factor == 1.0 else t * factor
 

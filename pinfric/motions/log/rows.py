@@ -106,13 +106,13 @@ def ordered_rows(t: FloatArray, lines: Sequence[int], said: Remarks) -> IntArray
         said: what was left out is added here; more than 1 % of doubled or backward stamps are a
             problem.
     """
-    every = np.arange(t.size)
+    all_rows = np.arange(t.size)
     if not np.isfinite(t).all():  # refused already
-        return every
+        return all_rows
     latest = np.maximum.accumulate(t)
     wrong = np.flatnonzero(t[1:] <= latest[:-1]) + 1
     if wrong.size == 0 or _only_jitters(t):
-        return every
+        return all_rows
     if t.size < FEWEST or wrong.size > BAD_SHARE * t.size:
         where = listing(
             f"line {lines[i]} (t = {t[i]:.9g} after {t[i - 1]:.9g})" for i in wrong.tolist()
@@ -121,12 +121,12 @@ def ordered_rows(t: FloatArray, lines: Sequence[int], said: Remarks) -> IntArray
             f"time must increase; it does not at {where}; sort the rows by time, or log finer or "
             "other stamps"
         )
-        return every
+        return all_rows
     said.notes.append(
         f"left out {counted(wrong.size, 'row')} with repeated or backward time stamps, the first "
         f"in line {lines[int(wrong[0])]}"
     )
-    return np.setdiff1d(every, wrong)
+    return np.setdiff1d(all_rows, wrong)
 
 
 def _only_jitters(t: FloatArray) -> bool:
@@ -241,7 +241,7 @@ def repeated_rows(position: FloatArray) -> IntArray:
     for q in position.T:  # one after another: a long log fills much of the memory
         same &= np.diff(q) == 0.0
     places = np.flatnonzero(same[2:-2]) + 2
-    found = np.zeros(places.size, dtype=bool)
+    repeats = np.zeros(places.size, dtype=bool)
     for q in position.T if places.size else ():
         steps = np.diff(q)
         sizes = np.abs(steps)
@@ -249,8 +249,8 @@ def repeated_rows(position: FloatArray) -> IntArray:
         inner = np.minimum(sizes[places - 1], sizes[places + 1])
         outer = np.maximum(sizes[places - 2], sizes[places + 2])
         goes_on = steps[places - 1] * steps[places + 1] > 0.0
-        found |= goes_on & (inner > _CLEAR_STEP * least) & (inner > 0.5 * outer)
-    return places[found] + 1
+        repeats |= goes_on & (inner > _CLEAR_STEP * least) & (inner > 0.5 * outer)
+    return places[repeats] + 1
 
 
 def evenly(t: FloatArray) -> FloatArray | None:
@@ -320,17 +320,15 @@ def mended_effort(
     if effort.size < FEWEST or not np.isfinite(effort).all():
         return effort
     result = effort
-    for found, what in (
+    for bad, what in (
         (_zeros(effort), "exactly 0 amid other values"),
         (_spikes(effort, position), ""),
     ):
-        if not found.size:
+        if not bad.size:
             continue
-        where = (
-            f"{counted(found.size, 'row')} of {effort.size}, the first in line {lines[found[0]]}"
-        )
-        what = what or f"up to {np.abs(effort[found]).max():.4g}, far beyond all other values"
-        if found.size > BAD_SHARE * effort.size:
+        where = f"{counted(bad.size, 'row')} of {effort.size}, the first in line {lines[bad[0]]}"
+        what = what or f"up to {np.abs(effort[bad]).max():.4g}, far beyond all other values"
+        if bad.size > BAD_SHARE * effort.size:
             said.problems.append(
                 f"joint {joint}: its effort is {what} in {where}: samples were lost; log it again, "
                 "or leave these rows out of the file"
@@ -338,8 +336,8 @@ def mended_effort(
             continue
         said.notes.append(f"joint {joint}: left out its effort, {what}, in {where}")
         result = result.copy() if result is effort else result
-        kept = np.setdiff1d(np.arange(effort.size), found)
-        result[found] = np.interp(found, kept, result[kept])
+        kept = np.setdiff1d(np.arange(effort.size), bad)
+        result[bad] = np.interp(bad, kept, result[kept])
     return result
 
 
@@ -390,9 +388,9 @@ def _far(values: FloatArray) -> tuple[FloatArray, float]:
 
 def _short(flags: BoolArray, fits: Callable[[int, int], bool]) -> IntArray:
     """Rows of short runs, first to last, that fit."""
-    found = []
+    fitting = []
     for first, last in runs(flags):
         inside = first > 0 and last + 1 < flags.size and last - first < _LONGEST
         if inside and fits(first, last):
-            found.append(np.arange(first, last + 1))
-    return np.concatenate(found) if found else np.zeros(0, dtype=np.int64)
+            fitting.append(np.arange(first, last + 1))
+    return np.concatenate(fitting) if fitting else np.zeros(0, dtype=np.int64)

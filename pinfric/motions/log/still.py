@@ -69,19 +69,19 @@ class _Edge:
         """The onset of least cost, on ever finer grids: the last one is finer than noise tells."""
         low, high = float(self.place.min()), float(self.place.max())
         step = (high - low) / 40.0
-        found = self.best(np.arange(low, high, step))
+        best = self.best(np.arange(low, high, step))
         while step > 0.02:
-            found = self.best(found + step * np.linspace(-1.0, 1.0, 11))
+            best = self.best(best + step * np.linspace(-1.0, 1.0, 11))
             step /= 5.0
-        return found
+        return best
 
 
 def _rest(y: FloatArray, basis: FloatArray) -> float:
     normal = basis.T @ basis
     normal.flat[:: len(normal) + 1] *= 1.0 + 1e-12
-    part = np.linalg.lstsq(normal, basis.T @ y, rcond=None)[0]
-    rest = y - basis @ part
-    return float(rest @ rest)
+    coefficients = np.linalg.lstsq(normal, basis.T @ y, rcond=None)[0]
+    residual = y - basis @ coefficients
+    return float(residual @ residual)
 
 
 def find_noisy_holds(
@@ -112,13 +112,13 @@ def find_noisy_holds(
     onsets = _together(edges)
     holds: list[list[tuple[int, int]]] = []
     for j, levels in enumerate(rough):
-        found: list[tuple[int, int]] = []
+        own: list[tuple[int, int]] = []
         for i, (first, last) in enumerate(levels):
             begin = int(np.ceil(onsets.get((j, i, 0), first)))
             end = int(np.floor(onsets.get((j, i, 1), last)))
-            if end - begin >= width // 2 and (not found or begin > found[-1][1]):
-                found.append((begin, end))
-        holds.append(found)
+            if end - begin >= width // 2 and (not own or begin > own[-1][1]):
+                own.append((begin, end))
+        holds.append(own)
     return holds
 
 
@@ -140,18 +140,18 @@ def with_resting_ends(
         noise: (nj,) standard deviations of the positions; 0: the joint is left as it is.
         holds: (nj,) of each joint, (first, last) inclusive.
     """
-    found, last = [list(own) for own in holds], len(position) - 1
+    result, last = [list(own) for own in holds], len(position) - 1
     for end, at, positions in ((0, 0, position), (last, -1, position[::-1])):
         moving = [
             j
-            for j, own in enumerate(found)
+            for j, own in enumerate(result)
             if noise[j] > 0.0 and (not own or own[at][0 if at == 0 else 1] != end)
         ]
         rests = [_starts_at_rest(positions[:, j], step, noise[j]) for j in moving]
         if True in rests and False not in rests:
             for j in moving:
-                found[j].insert(0 if at == 0 else len(found[j]), (end, end))
-    return found
+                result[j].insert(0 if at == 0 else len(result[j]), (end, end))
+    return result
 
 
 def _starts_at_rest(q: FloatArray, step: float, noise: float) -> bool | None:
@@ -162,8 +162,8 @@ def _starts_at_rest(q: FloatArray, step: float, noise: float) -> bool | None:
         x = np.arange(count) / (count - 1)
         powers = np.vander(x, _START_DEGREE + 1, increasing=True)
         fit, *_ = np.linalg.lstsq(powers, q[:count] - q[0], rcond=None)
-        rest = q[:count] - q[0] - powers @ fit
-        if float(rest @ rest) > _FITS * noise**2 * count:
+        residual = q[:count] - q[0] - powers @ fit
+        if float(residual @ residual) > _FITS * noise**2 * count:
             continue
         lag = (count - 1) * step
         spread = noise * np.sqrt(np.diag(np.linalg.inv(powers.T @ powers)))
@@ -227,30 +227,30 @@ def _edge(q: FloatArray, inside: int, border: int, noise: float) -> _Edge:
     back = min(abs(border - inside), reach + 20)
     ends = sorted((border - direction * back, border + direction * reach))
     low, high = max(ends[0], 0), min(ends[1], q.size - 1)
-    part, place = q[low : high + 1], np.arange(low, high + 1, dtype=np.float64)
-    changes = np.flatnonzero(np.diff(part))
-    if changes.size >= 6 and changes.size < 0.9 * (part.size - 1):
-        part = 0.5 * (part[changes] + part[changes + 1])
+    positions, place = q[low : high + 1], np.arange(low, high + 1, dtype=np.float64)
+    changes = np.flatnonzero(np.diff(positions))
+    if changes.size >= 6 and changes.size < 0.9 * (positions.size - 1):
+        positions = 0.5 * (positions[changes] + positions[changes + 1])
         place = place[changes] + 0.5
-        place, part = np.append(place, border - direction * back), np.append(part, level)
-    return _Edge(direction, place, (part - level) / noise, float(border))
+        place, positions = np.append(place, border - direction * back), np.append(positions, level)
+    return _Edge(direction, place, (positions - level) / noise, float(border))
 
 
 def _together(edges: dict[tuple[int, int, int], _Edge]) -> dict[tuple[int, int, int], float]:
     """Return the onsets of all edges; one for those that one instant fits as well as several."""
     own = {key: edge.onset() for key, edge in edges.items()}
-    found = dict(own)
+    onsets = dict(own)
     for direction in (1, -1):
-        left = sorted(
+        waiting = sorted(
             (key for key in edges if edges[key].direction == direction), key=own.__getitem__
         )
-        while left:
-            near = [key for key in left if own[key] - own[left[0]] <= _NEAR]
-            left = [key for key in left if key not in near]
+        while waiting:
+            near = [key for key in waiting if own[key] - own[waiting[0]] <= _NEAR]
+            waiting = [key for key in waiting if key not in near]
             costs = {key: edges[key].cost(own[key]) for key in near}
             candidates = np.arange(own[near[0]] - 0.5, own[near[-1]] + 0.6, 0.1)
             sums = [[edges[key].cost(x) - costs[key] for key in near] for x in candidates]
             best = int(np.argmin(np.sum(sums, axis=1)))
             if max(sums[best]) <= _WORTH:
-                found.update(dict.fromkeys(near, float(candidates[best])))
-    return found
+                onsets.update(dict.fromkeys(near, float(candidates[best])))
+    return onsets

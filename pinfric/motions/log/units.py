@@ -47,7 +47,7 @@ def time_factor(
     name: str,
     t: FloatArray,
     start: float,
-    given: str | None,
+    stated: str | None,
     columns: Sequence[JointColumn],
     position: FloatArray,
     said: Remarks,
@@ -61,13 +61,13 @@ def time_factor(
         name: the column's.
         t: (T,) what stands in it, `start` perhaps subtracted.
         start: its first number.
-        given: the unit, where somebody said it.
+        stated: the unit, where somebody said it.
         columns: (nj,) the joints.
         position: (T, nj) rad or m.
         said: the unit, or the choice, is added here.
     """
-    if given is not None:
-        return TIME_UNITS[given]
+    if stated is not None:
+        return TIME_UNITS[stated]
     with np.errstate(over="ignore"):  # times that cannot be meant are refused elsewhere
         steps = np.diff(t[np.isfinite(t)])
     steps = steps[steps > 0.0]
@@ -127,7 +127,7 @@ def angle_unit(
     columns: Sequence[JointColumn],
     raw: Iterable[FloatArray],
     known: Sequence[str | None],
-    given: str | None,
+    stated: str | None,
     said: Remarks,
 ) -> list[float]:
     """Return rad per unit of each joint's positions, 1 for joints that slide.
@@ -139,15 +139,15 @@ def angle_unit(
         columns: (nj,) the joints.
         raw: (nj,) of (T,) what stands in the file; NaN is passed over.
         known: (nj,) units that names or a mapping say.
-        given: the unit of all others, where somebody said it.
+        stated: the unit of all others, where somebody said it.
         said: that angles are in degrees, or the choice, is added here.
     """
     turning = [c.unit == "rad" for c in columns]
     factors = [
-        ANGLE_UNITS[k or given or "rad"] if turns else 1.0
+        ANGLE_UNITS[k or stated or "rad"] if turns else 1.0
         for k, turns in zip(known, turning, strict=True)
     ]
-    open_ = [i for i, k in enumerate(known) if turning[i] and k is None and given is None]
+    open_ = [i for i, k in enumerate(known) if turning[i] and k is None and stated is None]
     if not open_:
         return factors
     size = [float(np.max(np.abs(q), where=np.isfinite(q), initial=0.0)) for q in raw]
@@ -184,7 +184,7 @@ def fast_angles(
     t: FloatArray,
     position: FloatArray,
     known: Sequence[str | None],
-    given: str | None,
+    stated: str | None,
 ) -> list[str]:
     """Return one line where joints whose unit nobody said would be far too fast in rad/s.
 
@@ -194,9 +194,9 @@ def fast_angles(
         columns: (nj,) the joints.
         t: (T,) s.
         position: (T, nj) rad or m, taken as radians where nobody said otherwise.
-        known, given: as in `angle_unit`.
+        known, stated: as in `angle_unit`.
     """
-    if given is not None:
+    if stated is not None:
         return []
     fast = [
         f"{column.name} {speed:.3g} rad/s, limit {column.velocity_limit:.3g}"
@@ -224,8 +224,8 @@ def slow_angles(
         factors: (nj,) rad per unit that the header means.
     """
     degree, shares = ANGLE_UNITS["deg"], [0.0]
-    every = zip(columns, _speeds(t, position), position.T, factors, strict=False)
-    for column, speed, q, factor in every:
+    joints = zip(columns, _speeds(t, position), position.T, factors, strict=False)
+    for column, speed, q, factor in joints:
         if factor == degree:
             if np.abs(q).max() / degree > min(_reach(column) + LIMIT_TOLERANCE, 2.0 * np.pi):
                 return []  # as radians beyond its limits
@@ -254,7 +254,7 @@ def impossible_motions(
         position: (T, nj) rad or m, unwrapped.
         lines: (T,) where the rows stand in the file.
     """
-    steps, found = np.diff(t), []
+    steps, problems = np.diff(t), []
     if t.size < FEWEST or not (steps > 0.0).all():
         return []
     longest = np.maximum(steps, np.median(steps))
@@ -276,7 +276,7 @@ def impossible_motions(
                     else f"and stopped from {before[-1]:.3g} {column.unit}/s within a row, line "
                     f"{lines[first + 1]}"
                 )
-                found.append(
+                problems.append(
                     f"joint {column.name}: its angle stands still from {t[first]:.6g} to "
                     f"{t[last + 1]:.6g} s {how}, which no joint can: its encoder was frozen; leave "
                     "that time out, and split the log there"
@@ -288,12 +288,12 @@ def impossible_motions(
             far = ways[moved] > _TOO_FAST * limit * np.maximum(since, longest[moved])
             far &= far.any() and ways[moved] > _JUMP * np.quantile(ways[moved], 0.99)
             for k in moved[far][:1].tolist():
-                found.append(
+                problems.append(
                     f"joint {column.name}: it jumps by {ways[k]:.3g} {column.unit} in line "
                     f"{lines[k + 1]}, at {t[k + 1]:.6g} s, which no joint can: rows are missing "
                     "there, or its encoder slipped; leave out what is wrong, or split the log there"
                 )
-    return found
+    return problems
 
 
 def wrong_velocities(
@@ -316,7 +316,7 @@ def wrong_velocities(
     """
     from scipy.special import stdtrit
 
-    steps, found = np.diff(t), []
+    steps, multiples = np.diff(t), []
     if t.size < _FEWEST_PARTS * _FEWEST_ROWS or not (steps > 0.0).all():
         return []
     step = float(np.median(steps))
@@ -335,18 +335,18 @@ def wrong_velocities(
             continue
         spread = np.sqrt(max(xx * yy / xy**2 - 1.0, 0.0) / (x.size - 2))
         spread *= float(stdtrit(x.size - 2, 0.975))
-        one, other = xy / xx, yy / xy
-        low, high = sorted((one * (1.0 - spread), other * (1.0 + spread)))
-        k = 0.5 * (one + other)
+        forward, reverse = xy / xx, yy / xy
+        low, high = sorted((forward * (1.0 - spread), reverse * (1.0 + spread)))
+        k = 0.5 * (forward + reverse)
         if abs(k - 1.0) > max(_CALIBRATED, 0.5 * (high - low)):
-            found.append(f"{column.name} {k:.4g} [{low:.4g}, {high:.4g}]")
-    if not found:
+            multiples.append(f"{column.name} {k:.4g} [{low:.4g}, {high:.4g}]")
+    if not multiples:
         return []
     return [
         "logged velocities are a multiple of the slopes of the positions (with its 95 % interval): "
-        f"{listing(found)}. The same one at all joints is the clock's: correct the time stamps; "
-        "else it is a unit, sign or scale: correct it in a file given by --columns, which may also "
-        "name position and effort of a joint only, if its velocities are known to be wrong"
+        f"{listing(multiples)}. The same one at all joints is the clock's: correct the time "
+        "stamps; else it is a unit, sign or scale: correct it in a file given by --columns, "
+        "which may also name position and effort of a joint only, if its velocities are known to be wrong"
     ]
 
 
