@@ -346,7 +346,8 @@ def wrong_velocities(
         "logged velocities are a multiple of the slopes of the positions (with its 95 % interval): "
         f"{listing(multiples)}. The same one at all joints is the clock's: correct the time "
         "stamps; else it is a unit, sign or scale: correct it in a file given by --columns, "
-        "which may also name position and effort of a joint only, if its velocities are known to be wrong"
+        "which may also name position and effort of a joint only, if its velocities are known to "
+        "be wrong"
     ]
 
 
