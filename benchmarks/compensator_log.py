@@ -2,8 +2,8 @@
 
     python benchmarks/compensator_log.py ur10_exciting_trajectory.db3
 
-Beside it tanh, fc tanh(k v) + fv v + fo with k chosen for each joint, and inertias free in both.
-Printed is the RMS in N m of what the motors gave less what was predicted, where |v| > 0.02 rad/s.
+The rival is tanh: fc tanh(k v) + fv v + fo with k chosen for each joint. Inertias are free in both.
+Printed is the RMS error in N m of the motors' torques where |v| > 0.02 rad/s.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ def read(bag, names):
 
 
 def regressors(model, motion, gains):
-    """(T, nv, columns) of inertias, rotors and friction: linear in what tanh's model has free."""
+    """(T, nv, columns) of inertias, rotors and friction, linear in tanh's free parameters."""
     data, n, nv = model.createData(), len(motion.t), model.nv
     bodies = np.array(
         [
@@ -61,7 +61,7 @@ def regressors(model, motion, gains):
 
 
 def fitted(X, y):
-    """Least squares over all joints, each with the weight of its own effort."""
+    """Least squares over all joints, each weighted by its own effort."""
     weight = 1.0 / y.std(axis=0)
     rows = (X * weight[:, None]).reshape(-1, X.shape[2])
     size = np.linalg.norm(rows, axis=0)

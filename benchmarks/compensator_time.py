@@ -52,7 +52,7 @@ def numbers(values):
 
 
 def model_text(scene):
-    """What builds a scene's model in C++, body by body."""
+    """C++ that builds a scene's model, body by body."""
     model, lines = scene.loaded_model(), ["Eigen::Matrix3d R, I;"]
     for j in range(1, model.njoints):
         place, body, kind = model.jointPlacements[j], model.inertias[j], model.joints[j].shortname()

@@ -1,11 +1,11 @@
-"""What a coupled solve costs: the paper's fixed point and Newton, to a series of tolerances.
+"""Cost of a coupled solve: the paper's fixed point and Newton, to a series of tolerances.
 
     x = G(x) = -sign(v) (mu c(x) + coulomb) - viscous v,    c(x) = sum |p_0 + P x| + const
 
-(the paper's 16 and 17). Each pass of the fixed point leaves the error times the slope of G
-at the solution, and that tends to 1 towards the jam: of the drawer, to mu / critical mu there.
-Newton's passes stay few. Both are written out here, without the safeguards of
-`friction.given_modes`, whose solution is the reference.
+(the paper's 16 and 17). Each pass of the fixed point multiplies the error by the slope of G at the
+solution, which tends to 1 towards the jam; of the drawer it is mu / critical mu there. Newton's
+passes stay few. Both are written out here, without the safeguards of `friction.given_modes`, whose
+solution is the reference.
 
     python benchmarks/coupled.py
 
@@ -129,14 +129,14 @@ class _Sample:
         )
 
     def known(self, factor: float) -> tuple[int, np.ndarray, float]:
-        """Return how many solutions the package finds with mu times a factor, one, contraction."""
+        """Return the package's solutions with mu times a factor: how many, one, contraction."""
         search, found, _ = self.solver(factor)
         return found, search.choice.x[0], float(search.answer.contraction[0])
 
     def solve(
         self, solver: str, factor: float, tolerance: float, times: int = 1
     ) -> tuple[np.ndarray, int]:
-        """Return friction (ns,) and passes, -1 where it fails; `times` solves, for timing."""
+        """Return friction (ns,) and passes, -1 where it fails, of `times` solves."""
         x, scaled = np.zeros(len(self.friction.gain)), factor * self.friction.gain
         passes = solve(
             self.friction._replace(gain=scaled),
@@ -152,12 +152,8 @@ class _Sample:
 def coupled(result: InverseResult, rounds: int = 3) -> tuple[CoupledRun, ...]:
     """Return passes, errors and times of both solvers up to the jam; () where nothing couples.
 
-    Of the samples at which everything slides, the one is taken that jams first as the coefficients
-    grow.
-
-    Args:
-        result: of a motion; its scene is studied.
-        rounds: timings of each, all of them in every round.
+    Of the sliding samples, the one is taken that jams first as the coefficients grow. Both are
+    timed in each of the `rounds`.
     """
     found = _first_to_jam(result)
     if found is None:
@@ -205,9 +201,9 @@ def _first_to_jam(result: InverseResult) -> tuple[_Sample, float] | None:
 
 
 def _jam(sample: _Sample, least: float) -> float:
-    """The factor on mu beyond which no solution is found, or inf where it is no less than `least`.
+    """The factor on mu beyond which no solution is found, or inf if it is no less than `least`.
 
-    It is not below the factor at which the contraction is 1; that one where none jams at all.
+    It is at least the factor at which the contraction is 1; that one where none jams at all.
     """
     certain = 1.0 / sample.known(1.0)[2]
     if certain >= least or (np.isfinite(least) and sample.known(least)[0] != 0):
@@ -226,7 +222,7 @@ def _jam(sample: _Sample, least: float) -> float:
 
 @kernel
 def evaluate(friction: CoupledFriction, x: np.ndarray, g: np.ndarray, jacobian: np.ndarray) -> None:
-    """Write g = G(x) (ns,) and, where it has any rows, the Jacobian (ns, ns) of x - G(x)."""
+    """Write g = G(x) (ns,) and, if it has any rows, the Jacobian (ns, ns) of x - G(x)."""
     free, slope, site, gain, rest, constant = friction
     ns, differentiate = x.size, jacobian.shape[0] > 0
     for s in range(ns):
@@ -262,11 +258,11 @@ def close_enough(x: np.ndarray, g: np.ndarray, tolerance: float) -> bool:
 def solve(
     friction: CoupledFriction, newton: bool, tolerance: float, most: int, times: int, x: np.ndarray
 ) -> int:
-    """Solve x = G(x) from x = 0; return passes, -1 where it fails.
+    """Solve x = G(x) from x = 0; return passes, -1 if it fails.
 
     Args:
         friction: G.
-        newton: semi-smooth Newton on x - G(x) = 0; else x <- G(x), as the paper does.
+        newton: semi-smooth Newton on x - G(x) = 0; else x <- G(x), as in the paper.
         tolerance: of `close_enough`. most: passes. times: how often, for timing.
         x: (ns,) overwritten.
     """
@@ -332,7 +328,7 @@ def _decade(x: float) -> str:
 
 
 def main() -> None:
-    """Print what both solvers take, up to the jam."""
+    """Print figures of both solvers, up to the jam."""
     for name in ("drawer", "four_bar"):
         scene = pf.load_scene(name)
         runs = coupled(pf.inverse_dynamics(scene, pf.load_trajectory(name, scene)))

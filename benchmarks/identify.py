@@ -1,15 +1,14 @@
-"""How well identification does on logs with known truth.
+"""Quality of identification on logs with known truth.
 
     python benchmarks/identify.py [--seeds 14] [--first 100] [--cases true,stribeck,...]
 
-Each seed is a UR5 as `identify_cases` makes it: 60 s at 250 Hz, 18 bits, white noise of 2 %
-and autocorrelated noise of 2 %, efforts 4 ms late, masses wrong by 20 %. The cases are the true
-model and those of `identify_wrong_models`; "no bearing" leaves the elbow's bearing out of
-the scene. For each case the table has the coverage of the 95 % intervals, the seeds that report
-lack of fit, the largest error of the delay, the largest error on an unseen motion, by how much
-errors on logs that nothing was fitted to exceed those reported of held-out blocks, and for the
-whole friction at 0.5 rad/s of the joints without hidden loads its stated deviation and its true
-error (RMS over joints and seeds).
+Each seed is a UR5 of `identify_cases`: 60 s at 250 Hz, 18 bits, white noise of 2 % and
+autocorrelated noise of 2 %, efforts 4 ms late, masses wrong by 20 %. The cases are the true model
+and those of `identify_wrong_models`; "no bearing" leaves the elbow's bearing out of the scene. The
+columns are, for each case: coverage of the 95 % intervals, seeds that report lack of fit, largest
+error of the delay, largest error on an unseen motion, ratio of errors on unseen logs to those
+reported of held-out blocks, and of the whole friction at 0.5 rad/s of joints without hidden loads
+the stated deviation and the true error (RMS over joints and seeds).
 """
 
 from __future__ import annotations
@@ -63,17 +62,17 @@ NO_BEARING = "no bearing"
 
 @dataclass(frozen=True)
 class Outcome:
-    """What one log of one case gave.
+    """Results of one log of one case.
 
     Attributes:
         inside, known: intervals that hold the true value, and all that have one.
         delay: s, its error.
         unseen: (nj,) error on an unseen motion, as a share of its effort.
-        misfits: joints of which lack of fit is said.
+        misfits: joints with reported lack of fit.
         seconds: of processor time.
         outside: keys of the intervals that do not hold it.
-        beyond: error on a log that no step has seen over that on held-out blocks, whose loads,
-            delay and weights are those of all blocks; mean of the joints, each by its effort.
+        beyond: error on an unseen log over that on held-out blocks, whose loads, delay and weights
+            are those of all blocks; mean of the joints, each by its effort.
         whole: (2, joints) stated deviation and true error of the whole friction, as shares of it.
     """
 
@@ -113,7 +112,7 @@ def hidden(case: str) -> dict[str, tuple[float, float]]:
 
 
 def outcome(case: str, seed: int) -> Outcome | None:
-    """Identify one log and compare with the truth; None where the log is refused."""
+    """Identify one log and compare with the truth; None if the log is refused."""
     made = "true" if case == NO_BEARING else case
     given, other = wrong_log(made, seed), wrong_log(made, seed + 1000, 30.0)
     scene = guess(seed, bearing=case not in (NO_BEARING, "falling load"))
@@ -169,7 +168,7 @@ def whole(found: Identified, robot: pf.Scene) -> np.ndarray:
 
 
 def misfits(found: Identified) -> int:
-    """Return of how many joints lack of fit is said."""
+    """Return the number of joints with reported lack of fit."""
     return sum(line.startswith("lack of fit") for line in found.doubts)
 
 

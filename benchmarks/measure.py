@@ -1,4 +1,4 @@
-"""What the benchmarks share: robots, states, and timings that a busy machine slows all alike."""
+"""Shared by the benchmarks: robots, states, and timings that a busy machine slows all alike."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def ur5():
 
 
 def with_pins(model, sites=None):
-    """The model with a pin in its first joints; all of them where `sites` is None."""
+    """The model with a pin in its first joints, or in all if `sites` is None."""
     return pf.Scene(model=model, friction=dict.fromkeys(tuple(model.names)[1:][:sites], PIN))
 
 

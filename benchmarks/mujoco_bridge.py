@@ -2,11 +2,11 @@
 
     python benchmarks/mujoco_bridge.py [--motions 10] [--only NAME]
 
-Motor torques are those that hold the first pose without friction, and two sines per joint of up to
-twice its limit at rest: joints stick about half the time. Printed are, for steps of 1 and 0.25 ms,
-median and greatest of the worst joint's error at the end, and the share of joint time with another
-stick state; the same with the constants of `pf.export`; and the time of a step. With `--motions 0`
-only times are measured.
+Motor torques hold the first pose without friction, plus two sines per joint of up to twice its
+limit at rest: joints stick about half the time. Printed are, for steps of 1 and 0.25 ms, median and
+greatest of the worst joint's error at the end, and the share of joint time with another stick
+state; the same with the constants of `pf.export`; and the time of a step. With `--motions 0` only
+times are measured.
 """
 
 from __future__ import annotations
@@ -137,7 +137,7 @@ def constant(scene, dt, q, torque):
 def compare(scene, motions, steps=(1e-3, 2.5e-4)):
     """(motions, 1 + steps) errors at the end, constants first; (motions, steps) mismatches.
 
-    Motions with a state in which several accelerations obey the laws are passed over.
+    Motions with a state in which several accelerations obey the laws are skipped.
     """
     errors, missed = [], []
     for seed in itertools.count():
@@ -162,7 +162,7 @@ def compare(scene, motions, steps=(1e-3, 2.5e-4)):
 def cost(scene, count=2000, rounds=9):
     """Times of a step (us): `mj_step` in `rollout`, the same with the callback, `step` in Python.
 
-    The first two take turns; each is the median of all rounds.
+    The first two take turns; medians of all rounds.
     """
     friction = pf.mujoco_friction(scene, made(scene, 1e-3))
     model, kind = friction.model, mujoco.mjtState.mjSTATE_FULLPHYSICS

@@ -1,10 +1,9 @@
 """MuJoCo and Drake on the same robot with the same constant friction, in the same run.
 
-The robot is rebuilt from Pinocchio's model, so that nothing depends on how each reads a URDF.
-MuJoCo has dry friction of joints as a soft constraint (`frictionloss`). Drake has none: what its
-users do stands in, F tanh(v / velocity) as a system of its own. Both run their own loops in C++,
-without Python in between: MuJoCo by `rollout`, Drake by `Simulator`, its efforts and friction as
-symbolic expressions.
+The robot is rebuilt from Pinocchio's model, so that each engine's reading of a URDF has no effect.
+MuJoCo has dry friction of joints as a soft constraint (`frictionloss`). Drake has none; as its
+users do, F tanh(v / velocity) is added as a system. Both run their own loops in C++ without Python:
+MuJoCo by `rollout`, Drake by `Simulator`, its efforts and friction as symbolic expressions.
 """
 
 from __future__ import annotations
@@ -75,7 +74,7 @@ class _Robot:
     def track(
         self, t: np.ndarray, angles: np.ndarray, rates: np.ndarray, steps: int
     ) -> JudgedTrack:
-        """Return a peer's motion as it is judged: t (T,) s, angles, rates (T, n)."""
+        """Return a peer's motion for the judge: t (T,) s, angles, rates (T, n)."""
         readings = tuple(
             tuple(
                 StickInterval(body.joint.name, float(t[first]), float(t[last]))
@@ -100,14 +99,14 @@ def compete_with_peers(
     Args:
         scene: with a `simulation` section.
         constants: site -> friction, static as kinetic (N m or N).
-        rounds: timings of each contestant, all of them in every round.
+        rounds: timings of each contestant.
 
     Returns:
         the runs, and a line for each peer that is not installed.
 
     Raises:
-        PinfricError: loops, joints of several degrees of freedom or mimics, which are not handed
-            to the peers; the motion cannot be simulated.
+        PinfricError: loops, joints of several degrees of freedom or mimics, which are not handed to
+            the peers; the motion cannot be simulated.
     """
     constant = with_constant_friction(scene, constants)
     robot = _robot(constant)
@@ -188,12 +187,9 @@ def _mujoco_contestant(robot: _Robot, name: str, steps: int) -> Contestant:
 
 
 def mujoco_xml(robot: _Robot, dt: float, stiff: bool) -> str:
-    """Return the robot in MuJoCo's format.
+    """Return the robot in MuJoCo's format, for a step dt (s).
 
-    Args:
-        robot: what is simulated.
-        dt: step (s).
-        stiff: make friction as hard as MuJoCo allows.
+    `stiff` makes friction as hard as MuJoCo allows.
     """
     hard = {"solimpfriction": "0.9999 0.9999 0.001", "solreffriction": f"{2 * dt!r} 1"}
     joints = [
@@ -259,7 +255,7 @@ def _drake_contestant(robot: _Robot, velocity: float) -> Contestant:
 def _drake_simulator(robot: _Robot, velocity: float) -> tuple[Any, Any]:
     """A simulator of a continuous plant with error control, and the plant.
 
-    Runge-Kutta 3: the quickest at equal error on the UR5 among it, Bogacki-Shampine 3, Radau 3, the
+    Runge-Kutta 3 is the fastest at equal error on the UR5 of it, Bogacki-Shampine 3, Radau 3, the
     implicit and the velocity-implicit Euler method.
     """
     analysis: Any = import_module("pydrake.systems.analysis")

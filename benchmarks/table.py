@@ -41,7 +41,7 @@ GEAR = {
 
 @dataclass(frozen=True)
 class Row:
-    """One goal: what was measured, against what, the figure and its limit (same unit)."""
+    """One goal: subject, rival, figure and its limit (same unit)."""
 
     what: str
     against: str
@@ -111,9 +111,9 @@ def inverse():
 
 
 def threads():
-    """Four threads against one; beside it what Pinocchio's own batch gains on this machine.
+    """Four threads against one, beside the gain of Pinocchio's own batch on this machine.
 
-    The best runs count: they are the nearest to the four idle cores that the goal is for.
+    The best runs count, as the nearest to the goal's four idle cores.
     """
     model = ur5()
     scene, (q, v, a) = with_pins(model), states(model, 100_000)
@@ -164,8 +164,7 @@ def memory_in_chunks():
 
 
 def forward():
-    """One call of forward dynamics where everything slides: UR5, and three mechanisms with loops
-    or a coupled guide."""
+    """One call of forward dynamics where all slides: UR5, two loops, a coupled guide."""
     model = ur5()
     rng = np.random.default_rng(0)
     q, v, u = rng.uniform(-2, 2, 6), rng.uniform(-2, 2, 6), rng.uniform(-20, 20, 6)
@@ -341,7 +340,7 @@ def without_loads():
 
 
 def breaking_away():
-    """Robots at rest about to move, each effort 0.6 to 1.6 half widths off what holds it."""
+    """Robots at rest about to move, each effort 0.6 to 1.6 half widths off the holding one."""
     rows, rng = [], np.random.default_rng(0)
     for name, given in (
         ("panda", "effort"),
@@ -368,7 +367,7 @@ def breaking_away():
 
 
 def many_joints():
-    """Trees of 50 and 200 joints that slide, and 20 four-bars that rest beside each other."""
+    """Trees of 50 and 200 joints that slide, and 20 four-bars at rest beside each other."""
     from builders import random_states, random_tree
     from mechanisms import beside, four_bar
 
@@ -477,7 +476,7 @@ def swinging_ur5():
 
 
 def peer_rows():
-    """Time of `event` to an error of q below a bound, against the quickest peer that gets there."""
+    """Time of `event` to an error of q below a bound, against the fastest peer that reaches it."""
     rows = []
     cases = {
         "pendulum": (pf.load_scene("pendulum"), {"joint_1": 0.29}),
@@ -496,7 +495,7 @@ def peer_rows():
 
 
 def _against(name, runs, who, bound):
-    """Ours to theirs at one bound; None where the peer is not installed."""
+    """Our time over theirs at one bound; None if the peer is not installed."""
 
     def quickest(method):
         there = [r.wall_s for r in runs if r.method.startswith(method) and r.error <= bound]
@@ -513,7 +512,7 @@ def _against(name, runs, who, bound):
 
 
 def rows(with_peers=False):
-    """Every row as it is measured, in the README's order."""
+    """Every measured row, in the README's order."""
     studies = [
         inverse,
         memory_in_chunks,

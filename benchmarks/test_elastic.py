@@ -1,4 +1,4 @@
-"""What frequencies of elastic gears cost beside the inverse dynamics of the same motion.
+"""Cost of frequencies of elastic gears beside the inverse dynamics of the same motion.
 
 python -m pytest benchmarks/test_elastic.py -n 0 -s
 """

@@ -1,4 +1,4 @@
-"""`retime` beside toppra: the same answer without friction, and what either takes."""
+"""`retime` beside toppra: the same answer without friction, and the times of both."""
 
 from __future__ import annotations
 

@@ -4,7 +4,7 @@
 
 Columns: the exit code of each command, the kinds of findings on the robot as a whole, seconds of
 processor time. Each robot runs in a process of its own. With --expected, a table that --write made,
-it ends in 1 where a robot's codes or findings are others.
+the exit code is 1 if a robot's codes or findings differ.
 """
 
 from __future__ import annotations

@@ -3,12 +3,12 @@
     python tools/doors.py                  all of them: a minute of two cores
     python tools/doors.py holds simulate   some
 
-Each runs in a process of its own, in which nothing is compiled, finds nothing in the cache, and has
-all the patience for which kernels are interpreted. Tests run compiled kernels, many in one process:
-what works there need not work here. Found is an exception, an exit code, a number that is none, or
-a process that does not end. Processes are forked from one that has imported pinfric and called no
-kernel; what they compile is not kept. Solvers compile all they need: the time of a test, not of a
-door (`tests/dynamics/forward/test_solver.py`, `.ci/run`).
+Tests run compiled kernels, many in one process; here each function runs in a process of its own,
+with no compiled kernel, an empty cache, and all the patience for which kernels are interpreted.
+Findings are exceptions, exit codes, numbers that are none, and processes that do not end. Processes
+are forked from one that has imported pinfric and called no kernel; what they compile is not kept.
+Solvers compile all they need, so a test has them (`tests/dynamics/forward/test_solver.py`,
+`.ci/run`).
 """
 
 from __future__ import annotations
@@ -197,7 +197,7 @@ def write_inputs(folder: Path) -> None:
 
 
 def open_door(name: str, call: Callable[[], object], said: Path, folder: Path) -> NoReturn:
-    """Do in a process just forked what a user does in one just started; end it."""
+    """Do in a forked process what a user does in a new one; end it."""
     signal.setitimer(signal.ITIMER_PROF, LONG_LIMIT if name in LONG else LIMIT)
     os.chdir(folder)
     with said.open("w") as file:
@@ -254,7 +254,7 @@ def doors(names: list[str]) -> list[tuple[str, Callable[[], object]]]:
 
 
 def main() -> None:
-    """Run the doors that are named, or all of them, and exit with 1 where one does not open."""
+    """Run the named doors, or all, and exit with 1 if one does not open."""
     begin = time.perf_counter()
     with tempfile.TemporaryDirectory() as folder:
         work = Path(folder)

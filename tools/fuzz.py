@@ -3,13 +3,13 @@
     python tools/fuzz.py --count 10000 --seed 1      all of it; 30 minutes of one core
     python tools/fuzz.py --case 4711 --keep DIR      one case again, its files kept
 
-First every file and command runs without a mutation and must end in exit 0, which also compiles
-the kernels. Each case mutates one input of one command and must end in exit 0 with numbers that are
-numbers, or in exit 2 and one line on stderr that names the place. Everything else is a finding:
-exit 70, an exception, a number that is none, an input that is changed (one in seven cases names an
-input, a link to one or their folder for the results), Python's own warnings, a hang, the death of
-the interpreter (cases run in a process of their own, which tells the case it dies of). A case
-depends on its seed alone.
+First every file and command runs without a mutation and must end in exit 0, which also compiles the
+kernels. Each case, which depends on its seed alone, mutates one input of one command and must end
+in exit 0 with numbers that are numbers, or in exit 2 and one line on stderr that names the place.
+Everything else is a finding: exit 70, an exception, a number that is none, a changed input (in one
+case of seven the results' place is an input, a link to one or their folder), Python's own warnings,
+a hang, the death of the interpreter (cases run in a process of their own, which tells the case it
+dies of).
 """
 
 from __future__ import annotations
@@ -200,7 +200,7 @@ STL = (
 
 @dataclasses.dataclass
 class Case:
-    """Files and the command line that reads them; `mutated` says what was done."""
+    """Files and the command line that reads them; `mutated` describes the mutation."""
 
     files: dict[str, bytes]
     arguments: list[str]
@@ -316,7 +316,7 @@ class Maker:
                 yield Case(files, replay, name)
 
     def check_bases(self):
-        """Run them, which also compiles the kernels: no case waits for these."""
+        """Run them, which also compiles the kernels, so that no case waits for these."""
         for case in self.bases():
             with tempfile.TemporaryDirectory(prefix="fuzz-") as folder:
                 found, detail, _ = run_case(case, Path(folder))
@@ -575,7 +575,7 @@ def _numbers(case, out):
 
 
 def _texts(case, out):
-    """What is printed, as texts: those of a JSON tree, or all of it."""
+    """Printed texts: those of a JSON tree, or all of it."""
     if "--json" not in case.arguments:
         return out.splitlines()
     found, left = [], [json.loads(out)]
@@ -588,7 +588,7 @@ def _texts(case, out):
 
 
 def _words(case, lines):
-    """A number that is none in a sentence or a table, unless an input says it by that word."""
+    """A number that is none in a sentence or a table, unless an input contains the word."""
     for line in lines:
         for found in re.finditer(
             r"(?<![\w.'`])-?(nan|inf|infinity|∞)(?![\w'`])", line, re.IGNORECASE
@@ -684,7 +684,7 @@ def work():
 
 
 class Worker:
-    """The process that the cases run in; a new one takes over where one dies."""
+    """The process that the cases run in; a new one replaces one that dies."""
 
     def __init__(self):
         self.process = None
@@ -731,7 +731,7 @@ class Worker:
 
 
 def fuzz(count, seed, tell=lambda answer: None):
-    """Run `count` cases; returns the answers of those that are findings, and counts by outcome."""
+    """Run `count` cases; returns the findings' answers, and counts by outcome."""
     worker, findings, counts = Worker(), [], Counter()
     try:
         for number in range(seed * 1_000_000, seed * 1_000_000 + count):

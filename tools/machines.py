@@ -2,8 +2,8 @@
 
     python tools/machines.py
 
-prints, under the default conditions, what the evidence page sums up: every machine by its cycle,
-and published arms by what they are rated for.
+prints, under the default conditions, what the evidence page summarizes: every machine by its cycle,
+and published arms by their ratings.
 """
 
 from __future__ import annotations
@@ -99,9 +99,9 @@ def bundled(name: str) -> tuple[pf.Scene, pf.Trajectory]:
 
 
 def xarm7() -> tuple[pf.Scene, pf.Trajectory]:
-    """UFACTORY's xArm7 of example-robot-data as `pinfric new` writes it: its friction is guessed.
+    """UFACTORY's xArm7 of example-robot-data as `pinfric new` writes it, with guessed friction.
 
-    It carries 3 kg, invented, from one side to the other; of its gears the URDF says 1:100.
+    It carries 3 kg, invented, from one side to the other; the URDF gives only 1:100 of its gears.
     """
     ready, above_a = [0, 0, 0, 0.8, 0, 0.8, 0], [-0.8, 0.25, 0, 0.9, 0, 0.65, 0]
     above_b = [0.8, 0.2, 0, 0.9, 0, 0.7, 0]
@@ -148,7 +148,7 @@ def limit_of(scene: pf.Scene, joint: str) -> float | None:
 
 
 def main() -> None:
-    """Print a row for each axis of all machines, or of those named; then seconds."""
+    """Print a row for each axis of all machines, or of the named ones; then seconds."""
     print("| machine | axis | peak | its own joint gives | drive chosen | bears | kg | tightest |")
     print("|---|---|---|---|---|---|---|---|")
     seconds = {}

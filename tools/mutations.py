@@ -1,4 +1,4 @@
-"""Wounds of texts, YAML trees, URDFs, tables and archives, by a seed: what the fuzzer feeds on."""
+"""Mutations of texts, YAML trees, URDFs, tables and archives, by a seed, for the fuzzer."""
 
 from __future__ import annotations
 
@@ -54,13 +54,13 @@ NAMES = [
 
 
 class Mutator:
-    """Changes texts and trees by chance."""
+    """Changes texts and trees at random."""
 
     def __init__(self, seed):
         self.chance = random.Random(seed)
 
     def factor(self):
-        """By how much a number is changed: often so little that it may be meant."""
+        """A random factor on a number, often so near to 1 that the number may be meant."""
         chance = self.chance
         if chance.random() < 0.7:
             return chance.choice((0.01, 0.1, 0.5, 0.9, 1.1, 2.0, 10.0, 100.0))
@@ -75,7 +75,7 @@ class Mutator:
         return self.chance.choices((changed, self.chance.choice(NUMBERS)), (2, 1))[0]
 
     def text(self, text):
-        """A text with one to three small wounds."""
+        """A text with one to three small mutations."""
         chance, text = self.chance, str(text)
         for _ in range(chance.choice((1, 1, 1, 2, 3))):
             lines = text.splitlines(keepends=True) or [""]
