@@ -1,7 +1,7 @@
-"""Derivatives of inverse and forward dynamics of one state, in the solver's memory.
+"""Derivatives of inverse and forward dynamics of one state.
 
-They are by Pinocchio's conventions: q in the tangent space (of a floating base its twist in its own
-axes), v, a; names as those of `pin.computeRNEADerivatives` and `pin.computeABADerivatives`.
+By q in the tangent space (of a floating base its twist in its own axes), v and a, with names as of
+`pin.computeRNEADerivatives` and `pin.computeABADerivatives`.
 """
 
 from __future__ import annotations
@@ -28,11 +28,7 @@ from pinfric.model.scene import Scene
 
 
 class Partials(NamedTuple):
-    """Derivatives of efforts or torques of motors, (na, nv) each.
-
-    Attributes:
-        dtau_dq, dtau_dv, dtau_da: by the motion; q in the tangent space.
-    """
+    """Derivatives of efforts or motor torques, (na, nv) each, by q (tangent space), v and a."""
 
     dtau_dq: np.ndarray
     dtau_dv: np.ndarray
@@ -46,14 +42,12 @@ def partials(changes: np.ndarray) -> Partials:
 
 
 class InverseDerivatives(NamedTuple):
-    """Derivatives of the efforts of a motion; see `InverseInstant` for the efforts.
+    """Derivatives of the efforts and motor torques of a motion, as in `InverseInstant`.
 
     Attributes:
-        effort_lower, effort_upper: of the ends of `effort`; equal where everything slides.
-        joint_effort_lower, joint_effort_upper: of `joint_effort`.
-        motor_torque_lower, motor_torque_upper: of `motor_torque`.
-        kink: (na,) bool: of a drive whose derivatives are of one side only, at a contact force of
-            0, a corner of a gear's loss, or where a power of the speed below 1 begins.
+        effort_lower ... motor_torque_upper: of each end; equal where everything slides.
+        kink: (na,) bool, drives whose derivatives are one-sided: at a contact force of 0, a corner
+            of a gear's loss, or where a power of the speed below 1 begins.
     """
 
     effort_lower: Partials
@@ -66,13 +60,13 @@ class InverseDerivatives(NamedTuple):
 
 
 class ForwardDerivatives(NamedTuple):
-    """Derivatives of the accelerations that efforts cause, in the modes that were found.
+    """Derivatives of the accelerations that efforts cause, in the modes of the solution.
 
     Attributes:
         ddq_dq, ddq_dv: (nv, nv); what sticks has rows of 0.
-        ddq_dtau: (nv, na) by the efforts, or by the torques of motors where those are given.
-        a, modes: (nv,), (ns,) of the solution, see `Instant`.
-        kink: whether they are of one side only; see `InverseDerivatives`.
+        ddq_dtau: (nv, na) by the efforts, or by the motor torques where those are given.
+        a, modes: (nv,), (ns,) as in `Instant`.
+        kink: whether they are one-sided, see `InverseDerivatives`.
     """
 
     ddq_dq: np.ndarray
@@ -87,7 +81,7 @@ def check_differentiable(scene: Scene) -> None:
     """Refuse a scene that is no open chain with drives on its joints, or has springs.
 
     Raises:
-        SceneError: names the loop or the drive, and what is missing.
+        SceneError: names the loop, drive or ball.
     """
     if scene.linkage is None and scene.twin().springs is None:
         return
@@ -106,11 +100,10 @@ def check_differentiable(scene: Scene) -> None:
 
 
 class Differentiator:
-    """Derivatives of one scene in buffers of its own.
+    """Derivatives of one scene.
 
     Attributes:
         tables: the results of the last call.
-        pinocchio: of Pinocchio's figures.
 
     Args:
         scene: an open chain.
@@ -138,7 +131,11 @@ class Differentiator:
     def checked(
         self, external: Mapping[str, np.ndarray] | None, q: np.ndarray, *rates: np.ndarray
     ) -> list[Any]:
-        """Return wrenches on links, q, v and perhaps a as kernels take them, or raise."""
+        """Return wrenches on links, q and rates as kernels take them.
+
+        Raises:
+            StateError, SceneError: see `vector`, `applied_wrenches`.
+        """
         model = self.scene.model
         applied = [] if external is None else applied_wrenches(self.scene, external, 1)
         state = [applied, vector("q", q, model.nq, "nq", model)]
@@ -158,7 +155,7 @@ class Differentiator:
 
         Args:
             applied, q, v, a: see `checked`.
-            width: of speeds below which friction is smooth (`efforts`); 0: none.
+            width: speed (rad/s or m/s) below which friction is smooth (`efforts`).
         """
         self._balance(applied, q, v, a)
         state = self._machine, self._record
@@ -180,7 +177,7 @@ class Differentiator:
         held: np.ndarray,
         motors: bool,
     ) -> ForwardDerivatives:
-        """Compute the derivatives of accelerations in the modes that the machine holds.
+        """Compute the derivatives of accelerations in the machine's modes.
 
         Args:
             applied, q, v, a: the state that was solved, and its accelerations.
@@ -205,7 +202,7 @@ class Differentiator:
     def _balance(
         self, applied: Sequence[AppliedWrench], q: np.ndarray, v: np.ndarray, a: np.ndarray
     ) -> None:
-        """Compute poses, inertias of all that joints carry, and wrenches."""
+        """Compute poses, composite inertias and wrenches."""
         pinocchio = self.pinocchio
         pin.crba(pinocchio.model, pinocchio.data, q, pin.Convention.WORLD)
         pinocchio.balance(q, v, a, applied)

@@ -1,4 +1,4 @@
-"""From the changes of wrenches to those of friction, efforts, gears and accelerations: kernels.
+"""Derivatives of friction, efforts, gears and accelerations, from those of wrenches: kernels.
 
     u = tau_id - D phi,     dphi = (dphi/dc) dc + (dphi/dv) dv
 
@@ -10,11 +10,10 @@
 A self-locking gear at rest may have its least torque at a corner of its lines, where it does not
 change with the effort.
 
-Smoothed by a width of speeds w, with s(y) = y (15 - 10 y^2 + 3 y^4) / 8 for |y| < 1, else sign y,
+Smoothed below a speed w, with s(y) = y (15 - 10 y^2 + 3 y^4) / 8 for |y| < 1, else sign y (two
+continuous derivatives),
 
     phi = -s(v/w) (mu c + coulomb) - drag,     F(t) = t + |s(w_d/w)| (line(t) - t)
-
-s has two continuous derivatives and is exactly 1 from the width on.
 """
 
 from __future__ import annotations
@@ -38,7 +37,7 @@ _CORNER = 1e-12
 
 @kernel
 def smooth_sign(y: float) -> tuple[float, float]:
-    """Return s(y), see the module, and its derivative."""
+    """Return s(y) of the module, and its derivative."""
     if abs(y) >= 1.0:
         return np.sign(y), 0.0
     square = y * y
@@ -57,7 +56,7 @@ def _power_slope(speed: float, power: float) -> float:
 def _law_slopes(
     laws: Laws, s: int, speed: float, against: int
 ) -> tuple[float, float, float, float, bool]:
-    """Return the slopes by speed of a law's mu, coulomb, drag_mu, drag; whether one is steep."""
+    """Return the slopes by speed of a law's mu, coulomb, drag_mu, drag; whether at a kink."""
     mu, coulomb, drag_mu, drag, steep = 0.0, 0.0, 0.0, 0.0, False
     for r in range(laws.row_start[s], laws.row_end[s]):
         power, shape, fall = laws.power[r], 1.0, 0.0
@@ -90,8 +89,8 @@ def _rub(
     Args:
         laws, s, velocity, load: of the site.
         mode: -1, 0, 1, or `BY_VELOCITY`.
-        width: of speeds that are smoothed; 0: none.
-        end: 0 the least friction, 1 the greatest, where it rests.
+        width: w; 0: not smoothed.
+        end: where it rests, 0 the least friction, 1 the greatest.
     """
     law, way, rests = law_at(laws, s, velocity), np.sign(velocity), mode == 0
     if mode == BY_VELOCITY:
@@ -185,7 +184,7 @@ def _corner(gears: Gears, d: int, way: float, speed: float, static: bool, t: flo
 
 @kernel
 def _speed_slope(gears: Gears, d: int, way: float, speed: float, static: bool, t: float) -> float:
-    """Return the derivative of a gear's F(t) by speed: its loss grows with the motor's speed^p."""
+    """Return the derivative of a gear's F(t) by speed; its loss grows with the motor's speed^p."""
     p, size = gears.exponent[d, 0 if (t >= 0.0) == (way > 0.0) else 1], abs(gears.ratio[d])
     slope, offset, _, _ = gear_line(gears, d, way, 1.0 / size, static, t)
     at_rest = gear_line(gears, d, way, 0.0, static, t)
@@ -197,10 +196,10 @@ def _speed_slope(gears: Gears, d: int, way: float, speed: float, static: bool, t
 def _gear(
     gears: Gears, d: int, low: float, high: float, rate: float, end: int, width: float
 ) -> tuple[float, float, float, float, float, bool]:
-    """Return the least (end 0) or the greatest F(t) of a gear from low to high, and derivatives.
+    """Return the least (end 0) or greatest F(t) of a gear for t from low to high.
 
     Returns:
-        (F, its derivatives by low, by high, by the rate, the t where it is, whether at a kink).
+        (F, its derivatives by low, high and rate, its t, whether at a kink).
     """
     way, speed, sign = -1.0 if rate < 0.0 else 1.0, abs(rate), 2.0 * end - 1.0
     rests = width == 0.0 and speed <= gears.stick_velocity[d]
@@ -278,16 +277,16 @@ def _shaft(x: Tables, v: np.ndarray, a: np.ndarray, width: float) -> None:
 def differentiate_efforts(
     machine: Machine, x: Tables, q: np.ndarray, v: np.ndarray, a: np.ndarray, width: float
 ) -> bool:
-    """Write efforts, torques of motors and their derivatives by q, v, a of a motion.
+    """Write efforts, motor torques and their derivatives by q, v, a of a motion.
 
     Args:
-        machine: Pinocchio's figures of the motion (`Pinocchio.balance` after `crba`).
+        machine: after `crba` and `Pinocchio.balance` of the motion.
         x: overwritten.
         q, v, a: (nq,), (nv,), (nv,).
-        width: 0, or rad/s and m/s below which friction is smooth.
+        width: w (rad/s or m/s); 0: not smoothed.
 
     Returns:
-        Whether q, v and a are finite, and q on its manifold; else nothing is written.
+        False if q, v or a is not finite, or q not on its manifold: nothing is written.
     """
     for one in (q, v, a):
         for number in one:
@@ -306,7 +305,7 @@ def differentiate_efforts(
 def _pull(machine: Machine, x: Tables, v: np.ndarray, motors: bool) -> bool:
     """Subtract S^T dt of the drives from the equations; return whether a gear is at a corner.
 
-    Of motors given, r T_m = F(t) + drag + r^2 J da, so dt = (r dT - ...) / slope.
+    With motor torques given, r T_m = F(t) + drag + r^2 J da, so dt = (r dT - ...) / slope.
     """
     rates, A, B, stuck = x.rate, x.equation, x.answer, machine.modes.stuck
     coordinate, gears = machine.plan.drives.gear_coordinate, machine.plan.drives.gears
@@ -354,14 +353,14 @@ def differentiate_accelerations(
         [R_a, -D_s^T; D_s, 0] (da, dx_s) = (-R_q dq - R_v dv + S^T (dt/du) du, 0)
 
     Args:
-        machine: after `Workspace.solve`; Pinocchio's figures are those of the motion.
-        x: `answer` is overwritten: (nv, 2 nv + na) by q, v, and efforts or torques of motors.
+        machine: after `Workspace.solve`, then `Pinocchio.balance` of the motion.
+        x: `answer` is overwritten: (nv, 2 nv + na) by q, v, and efforts or motor torques.
         q, v, a: (nq,), (nv,), (nv,) of the solution.
         held: velocities that move no mass (`model.massless`).
-        motors: whether torques of motors were given.
+        motors: whether motor torques were given.
 
     Returns:
-        (whether there is a solution, whether it is at a kink).
+        Whether there is a solution, and whether it is at a kink.
     """
     modes, stuck, D = machine.results.site_modes, machine.modes.stuck, machine.kinematics.D
     of, A, B, change = machine.plan.coordinates.velocity_index, x.equation, x.answer, x.joint_change

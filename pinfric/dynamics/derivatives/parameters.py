@@ -2,8 +2,8 @@
 
     d tau/d theta = E^T W - D (dphi/dc) g . W_k,     W the regressor of the opened twin
 
-Masses reach friction through the loads, and all of it the motors through the gears. Friction and
-the losses of gears are linear in their coefficients: a derivative is what one unit more changes.
+Friction and losses of gears are linear in their coefficients: a derivative is what one unit more
+changes.
 """
 
 from __future__ import annotations
@@ -38,12 +38,11 @@ _OF_GEARS = (
 
 
 class ParameterDerivatives(NamedTuple):
-    """Derivatives of efforts and of torques of motors by parameters.
+    """Derivatives of the ends of efforts and motor torques by parameters.
 
     Attributes:
         names: of the n parameters, such as "joint_1.mu.kinetic" or "joint_1.inertia.m".
-        effort_lower, effort_upper: (na, n) of the ends of `effort`.
-        motor_torque_lower, motor_torque_upper: (na, n) of `motor_torque`.
+        effort_lower, effort_upper, motor_torque_lower, motor_torque_upper: (na, n).
     """
 
     names: tuple[str, ...]
@@ -56,7 +55,7 @@ class ParameterDerivatives(NamedTuple):
 def by_parameters(
     derived: Differentiator, q: np.ndarray, v: np.ndarray, a: np.ndarray, names: Sequence[str]
 ) -> ParameterDerivatives:
-    """Return the derivatives of efforts at the state of the last call of `derived.at`.
+    """Return the derivatives at the state of the last call of `derived.at`.
 
     Args: see `Solver.parameter_derivatives`.
     """
@@ -87,7 +86,7 @@ def by_parameters(
 def _of_gears(
     scene: Scene, x: Any, v: np.ndarray, a: np.ndarray, name: str
 ) -> tuple[list[str], np.ndarray]:
-    """By one coefficient of every transmission; of a loss the slope by the load."""
+    """By one coefficient of every transmission; of a loss, by its slope."""
     gears, found, geared = x.gears, [], [d.transmission is not None for d in scene.drives]
     part, _, kind = name.partition(".")
     if part == "loss":

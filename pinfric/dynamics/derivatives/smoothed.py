@@ -1,10 +1,10 @@
 """Friction that is smooth through rest, for optimizers: efforts, accelerations, implicit steps.
 
-    phi = -s(v/w) (mu c + coulomb) - drag,     s of `efforts`, w the width of speeds
+    phi = -s(v/w) (mu c + coulomb) - drag,     s of `efforts`
 
-At |v| >= w it is the exact law. Below, it leaves the interval of an exact joint at rest by at most
-`Smoothed.bound`. A load that static friction would hold creeps at less than w.
-Break-away (static above kinetic friction) is not in it.
+At |v| >= w it is the exact law; below, it leaves the interval of an exact joint at rest by at most
+`Smoothed.bound`. A load that static friction would hold creeps at less than w. There is no
+break-away (static above kinetic friction).
 """
 
 from __future__ import annotations
@@ -56,8 +56,8 @@ class SmoothStep(NamedTuple):
 
     Attributes:
         q, v: (nq,), (nv,) at the end; q is that of the beginning moved by dt v.
-        dv_dq, dv_dv, dv_dtau: (nv, nv), (nv, nv), (nv, na) by the state at the beginning and by the
-            efforts, or the torques of motors.
+        dv_dq, dv_dv, dv_dtau: (nv, nv), (nv, nv), (nv, na) by the state at the beginning and the
+            efforts, or motor torques.
     """
 
     q: np.ndarray
@@ -74,8 +74,8 @@ class Smoothed:
         width: w (rad/s or m/s).
 
     Args:
-        derived: derivatives of the scene, in buffers that nothing else uses.
-        width: see above.
+        derived: of the scene, used by nothing else.
+        width: w.
 
     Raises:
         StateError: a width of 0 or below.
@@ -108,15 +108,15 @@ class Smoothed:
         motor_torque: np.ndarray | None = None,
         external: External = None,
     ) -> ForwardDerivatives:
-        """Return the accelerations that efforts, or torques of motors, cause, and derivatives.
+        """Return the accelerations that efforts, or motor torques, cause, and derivatives.
 
         U(q, v, a) = u by Newton's method from a = 0, with U the efforts of `inverse`.
 
         Args: see `Solver.forward`; arrays only.
 
         Raises:
-            StateError: no acceleration is found. SceneError: torques of motors with several drives
-                on one joint.
+            StateError: no acceleration is found.
+            SceneError: motor torques with several drives on one joint.
         """
         applied, q, v = self._derived.checked(external, q, v)
         a, *by = self._solve(applied, q, v, (effort, motor_torque))
@@ -151,9 +151,8 @@ class Smoothed:
     def bound(self, load: np.ndarray | None = None) -> np.ndarray:
         """Return how far efforts are at most beyond those of the exact joints at rest (N m or N).
 
-        max over 0 < |v| < w of  s(v/w) (mu c + coulomb) + drag - (mu_s c + coulomb_s), or 0, of
-        every site; 0 where drag within w is no more than static exceeds kinetic friction. Torques
-        of motors have the drag of the motor beside it.
+        Of every site the max over 0 < |v| < w of s(v/w) (mu c + coulomb) + drag - (mu_s c +
+        coulomb_s), or 0. Motor torques have the drag of the motor besides.
 
         Args:
             load: (ns,) loads c (N m or N); None: the least, which is the worst unless drag grows.
@@ -187,7 +186,7 @@ class Smoothed:
         return np.asarray(np.abs(tables.delivery) @ per_joint)
 
     def _beyond(self, s: int, velocity: float) -> tuple[float, float]:
-        """Smooth friction of a site beyond its static limit at no load, and per unit of load."""
+        """Smooth friction of a site beyond its static limit: at no load, per unit of load."""
         laws = self._derived.tables.sites.laws
         law, share = law_at(laws, s, velocity), abs(smooth_sign(velocity / self.width)[0])
         if not is_dry(law):
@@ -206,10 +205,10 @@ class Smoothed:
         given: tuple[np.ndarray | None, np.ndarray | None],
         dt: float = 0.0,
     ) -> tuple[np.ndarray, ...]:
-        """Return y with U = u, and its derivatives by q, v and what is given.
+        """Return y with U = u, and its derivatives by q, v and u.
 
-        y is the acceleration, or the velocity at the end of a step. Each pass is halved until it
-        brings U nearer to u: friction is steep within the width.
+        y is the acceleration, or the velocity at the end of a step. Newton's steps are halved until
+        U comes nearer to u: friction is steep within w.
         """
         scene, x, nv = self._scene, self._derived.tables, v.size
         effort, by_u, na = given[0], x.rate.T, len(scene.drives)

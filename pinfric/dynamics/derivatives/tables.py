@@ -15,14 +15,14 @@ from pinfric.model.twin import Twin
 
 
 class Tables(NamedTuple):
-    """Constants of one scene, and buffers; `changes` are columns by q, v, a; least before greatest.
+    """Constants of one scene, and buffers; changes are by q, v, a; least before greatest.
 
     Attributes:
         sites: `Scene.site_tables`. gears: of its drives.
-        delivery, rate: (na, nv) of the drives: efforts u = P tau, rates S v.
+        delivery, rate: (na, nv), efforts u = P tau, rates S v.
         ideal: (na,) bool, whether a drive's gear loses nothing.
-        velocity, acceleration, force: (1 + nj, 6) in the world, about its origin, moments first;
-            first the ground.
+        velocity, acceleration, force: (1 + nj, 6) about the world's origin, moments first; row 0
+            is the ground.
         motion: (nf, 6) S of every freedom.
         drift: (nj, 6, 3) B of all that a joint carries.
         wrench_change: (nj, 6, 3 nv) of each joint's wrench, in the world, seen from its child.
@@ -33,9 +33,9 @@ class Tables(NamedTuple):
         effort, effort_change: (2, na), (2, na, 3 nv).
         geared, geared_change: the same of `joint_effort`. motor, motor_change: of motor torques.
         through: (2, 3, na) derivatives of motor torques by the ends of `effort`, and the effort
-            at which each torque is found.
-        kink, joint_kink: (na,), (nv,) bool, whether derivatives are of one side.
-        equation, answer: (nv + nc, ...) of accelerations and of the friction of what sticks.
+            of each torque.
+        kink, joint_kink: (na,), (nv,) bool, whether derivatives are one-sided.
+        equation, answer: (nv + nc, ...) of accelerations and of sticking friction.
         row, contact, maps: scratch.
     """
 

@@ -1,13 +1,12 @@
-"""How the wrenches of an open chain change with its motion: one kernel.
+"""Derivatives of the wrenches and loads of an open chain by its motion: one kernel.
 
-Friction needs the change of each load c = sum |p_i| + constant, which is that of the joint's wrench
-w_k along the gradient of the load,
+Each load c = sum |p_i| + constant changes with its joint's wrench w_k along the gradient
 
     g_k = dc_k/dw_k = sum_i (B_i + s C_i)^T p_i / |p_i|,     p_i = (B_i + s C_i) w_k
 
 With S_j the motion of a freedom of joint j about the world's origin, V and A velocity and
-acceleration of a link (the ground accelerates against gravity), p the parent of j, Y_k the inertia
-of all that joint k carries, B_k what multiplies a change of velocity there,
+acceleration of a link (the ground accelerates against gravity), p the parent of j, Y_k the
+composite inertia of joint k, B_k what multiplies a change of velocity there,
 
     dV/dq = V_p x S,     dA/dq = A_p x S + V_p x (V_p x S),     dA/dv = (V_j + V_p) x S
 
@@ -19,8 +18,7 @@ on rotations only: with l momentum and P = int V(r) r^T dm about the origin,
 
     B w = -2 (l x w, (P - tr P) w)
 
-Wrenches and velocities in a joint's own frame do not change with a rotation of that frame, so the
-changes are those of figures in the frame of joint k.
+The changes are of figures in the frame of joint k.
 """
 
 from __future__ import annotations
@@ -91,7 +89,7 @@ def _write_links(machine: Machine, x: Tables) -> None:
 
 @kernel
 def _add_drift(machine: Machine, x: Tables, to: int, j: int, i: int, factor: float) -> None:
-    """Add to row `to` of B what all that joint j carries, moving as link i does, contributes."""
+    """Add to row `to` of B the part of joint j's composite body moving as link i, times factor."""
     I, c, V, B = machine.pinocchio.inertia, machine.pinocchio.lever, x.velocity, x.drift  # noqa: E741
     at, w, m = (
         (c[1 + j, 0], c[1 + j, 1], c[1 + j, 2]),
@@ -116,7 +114,7 @@ def _add_drift(machine: Machine, x: Tables, to: int, j: int, i: int, factor: flo
 def _act(
     machine: Machine, x: Tables, k: int, c: int, a: Vector6, w: Vector3, own: bool, lean: Vector6
 ) -> None:
-    """Add Y_k a + B_k w to column c of joint k; of its own motion, with `lean`, to those below."""
+    """Add Y_k a + B_k w to column c of joint k; of its own motion, plus lean, to its ancestors."""
     parent, B, W = machine.tree.parent, x.drift, x.wrench_change
     f = carry(machine.tree, machine.pinocchio, k, a)
     for e in range(6):
@@ -160,7 +158,7 @@ def _write_changes(machine: Machine, x: Tables) -> None:
 
 @kernel
 def add_change(x: Tables, k: int, axis: Vector6, factor: float, out: np.ndarray) -> None:
-    """Add the change (3 nv,) of joint k's wrench along an axis in the world, times a factor."""
+    """Add the change (3 nv,) of joint k's wrench along an axis in the world times a factor."""
     W = x.wrench_change
     for e in range(6):
         for i in range(out.size):
@@ -169,7 +167,7 @@ def add_change(x: Tables, k: int, axis: Vector6, factor: float, out: np.ndarray)
 
 @kernel
 def _write_loads(machine: Machine, x: Tables, q: np.ndarray) -> None:
-    """Write load, its gradient g in the child's frame and in the world, of every site."""
+    """Write load and its gradient, in the child's frame, of every site."""
     joint, contacts = x.sites.joint, x.sites.contacts
     site, rank, still, moved = contacts.site, contacts.rank, contacts.map, contacts.map_moved
     t, F, R, p = (
@@ -213,13 +211,7 @@ def _write_loads(machine: Machine, x: Tables, q: np.ndarray) -> None:
 
 @kernel
 def differentiate_wrenches(machine: Machine, x: Tables, q: np.ndarray) -> None:
-    """Write x.wrench_change, and the loads with their gradients.
-
-    Args:
-        machine: Pinocchio's figures of the motion (`Pinocchio.balance` after `crba`).
-        x: overwritten.
-        q: (nq,).
-    """
+    """Write `wrench_change`, loads and their gradients; arguments as `differentiate_efforts`."""
     _write_links(machine, x)
     _write_changes(machine, x)
     _write_loads(machine, x, q)

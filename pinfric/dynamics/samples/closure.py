@@ -1,4 +1,4 @@
-"""Motions of scenes with loops: check of consistency, and solution from independent joints.
+"""Motions of scenes with loops: checks, and solution from independent joints.
 
     Phi(q) = 0,   J_c v = 0,   J_c a + Jdot_c v = 0;      v = [v_d; v_i],  v_d = -J_d^-1 J_i v_i
 
@@ -42,10 +42,9 @@ def check_pairs(
     """Refuse motions that loops or cylinders prevent.
 
     Args:
-        linkage: with the pairs.
-        state: of the samples `here`.
-        checked: those of them that are checked.
-        slack: times the usual tolerance.
+        linkage: with the pairs. state: of the samples `here`.
+        checked: the samples of them that are checked.
+        slack: factor on the tolerances.
 
     Raises:
         LoopMotionError: a loop is open, or its velocities or accelerations violate it.
@@ -105,15 +104,13 @@ def check_pairs(
 
 
 def working_rates(scene: Scene, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the velocities with which efforts and friction do work.
+    """Return the velocities with which efforts and friction do work (rad/s or m/s).
 
     Args:
-        scene: with or without loops.
-        q, v: (T, nq), (T, nv).
+        scene: with or without loops. q, v: (T, nq), (T, nv).
 
     Returns:
-        (T, na) of each drive, along a cylinder its lengthening (rad/s or m/s); (T, ns) of each
-        site, of a ball its angular speed.
+        (T, na) of each drive, a cylinder's lengthening; (T, ns) of each site, a ball's speed.
     """
     tables = scene.site_tables
     sites = v[:, tables.velocity_index] * tables.ratio
@@ -131,11 +128,7 @@ def working_rates(scene: Scene, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarra
 
 
 def check_closed(scene: Scene, q: np.ndarray, v: np.ndarray, slack: float = 1.0) -> None:
-    """Refuse a state (nq,), (nv,) that the loops do not allow, `slack` times the usual tolerance.
-
-    Raises:
-        LoopMotionError: a loop is open, or violated by the velocities; says by how much.
-    """
+    """Refuse a state (nq,), (nv,) that the loops do not allow; see `check_pairs`."""
     assert scene.linkage is not None
     state = loop_state(scene.twin(), scene.linkage, q[None], v[None], np.zeros((1, len(v))))
     state.rate_derivative[:] = 0.0  # accelerations are not given
@@ -163,7 +156,7 @@ def consistent_motion(
     rates: np.ndarray,
     accelerations: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the velocities and accelerations of all joints from those of the independent ones.
+    """Return velocities and accelerations of all joints from those of the independent ones.
 
     v_d = -J_d^-1 J_i v_i,  a_d = -J_d^-1 (J_i a_i + Jdot_c v)      (paper eq. 6)
 
@@ -238,15 +231,15 @@ def _in_order(scene: Scene, joints: Sequence[str]) -> list[int]:
 def complete_configurations(
     scene: Scene, q_guess: np.ndarray, independent: Sequence[str], q: np.ndarray
 ) -> np.ndarray:
-    """Return closed configurations (T, nq) in which the independent joints are as given.
+    """Return closed configurations (T, nq) in which the independent joints are as in q.
 
-    Each configuration starts from the one before, so a trajectory stays in one assembly.
+    Each starts from the one before, so a trajectory stays in one assembly.
 
     Args:
         scene: with loops.
         q_guess: (nq,) near the first one.
         independent: names of joints.
-        q: (T, nq); only the entries of the independent joints matter.
+        q: (T, nq); only the entries of the independent joints count.
 
     Raises:
         ClosureError: a sample cannot close; gives the sample and the remaining distance.

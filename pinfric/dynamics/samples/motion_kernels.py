@@ -1,4 +1,4 @@
-"""From the wrenches of an open chain to the ends of its efforts, and where its joints reverse.
+"""From the wrenches of an open chain to the ends of its efforts, and its reversals.
 
 wrench -> load c -> friction phi -> effort u = tau_id - D phi     (paper eq. 16, 17, 20-22)
 """
@@ -16,11 +16,11 @@ from pinfric.model.scene import SiteTables
 
 
 class TreeSamples(NamedTuple):
-    """Samples of an open chain: how its sites move, and what is found; see `InverseResult`.
+    """Samples of an open chain: motion of its sites, and results as in `InverseResult`.
 
     Attributes:
         velocity, reversal: (n, ns) of the sites.
-        displacement: (n, ns) along their axes, or (0, 0) where no load looks at it.
+        displacement: (n, ns) along their axes, or (0, 0) where no load depends on it.
         effort_frictionless, effort_lower, effort_upper: (n, nv) of the joints.
         normal_load, friction_lower, friction_upper, sticking: (n, ns).
     """
@@ -55,14 +55,12 @@ def part_of(x: TreeSamples, i: int, j: int) -> TreeSamples:
 
 
 def bound_efforts(sites: SiteTables, wrench: np.ndarray, x: TreeSamples) -> None:
-    """Write loads, friction and the ends of efforts of samples.
+    """Write loads, friction and the ends of efforts; within kernels, `bound_within`.
 
     Args:
-        sites: `Scene.site_tables`; `joint` says which of the wrenches is each site's.
-        wrench: (n, rows, 6) parent on child; anything where nothing looks at wrenches.
-        x: of which `effort_frictionless` is known.
-
-    Its steps are kernels; within other kernels it is `bound_within`.
+        sites: `Scene.site_tables`; `joint` is the row of each site's wrench.
+        wrench: (n, rows, 6) parent on child; any, where no load depends on wrenches.
+        x: whose `effort_frictionless` is known.
     """
     lower, upper = x.friction_lower, x.friction_upper
     normal_loads(wrench, sites.joint, sites.contacts, x.displacement, x.normal_load)
@@ -76,7 +74,7 @@ bound_within = inlined_kernel(bound_efforts)
 
 @kernel
 def mark_reversals(velocity: np.ndarray, stick_velocity: np.ndarray, marked: np.ndarray) -> None:
-    """Set the samples that `reversals` describes in `marked` (T, ns)."""
+    """Mark the samples of `reversals` in `marked` (T, ns)."""
     for i in range(velocity.shape[0] - 1):
         for s in range(velocity.shape[1]):
             now, then = velocity[i, s], velocity[i + 1, s]

@@ -23,9 +23,8 @@ def motor_torques(
     T_m = effort / (r efficiency) + motor_viscous + r J_rotor a, see `drives.motor_torque_bounds`.
 
     Args:
-        scene: with the drives; its closed brakes do not count.
-        states: of all samples.
-        whole: the T samples that are asked for.
+        scene: its closed brakes do not count.
+        states: of all samples. whole: the T samples of the result.
         efforts: (T, na) least, (T, na) greatest (N m or N).
         velocity, acceleration: (n, na) of what each drive moves (rad/s or m/s, and per second), of
             the samples `states.around(whole)`.

@@ -1,4 +1,4 @@
-"""Results of inverse dynamics: arrays of a motion, status of each sample, single solutions."""
+"""Results of inverse dynamics."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Random states, used if no motion is given."""
+"""Random states, where no motion is given."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from pinfric.model.scene import Scene
 
 
 def random_states(scene: Scene) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return 1000 seeded states q, v, a inside the limits, at up to 1 rad/s or m/s.
+    """Return 1000 seeded states q, v, a within the limits, at up to 1 rad/s or m/s.
 
-    Positions are at most 1 rad or m from the one nearest to 0 that the limits allow.
+    Positions are within 1 rad or m of the allowed one nearest to 0.
 
     Raises:
         StateError: the scene has loops, which random states do not close.

@@ -1,4 +1,4 @@
-"""Joint reactions of many samples at once, from one RNEA batch on the wrench twin."""
+"""Joint reactions of many samples, from one RNEA batch on the wrench twin."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def joint_wrenches(
     *,
     threads: int | None = None,
 ) -> np.ndarray:
-    """Return the wrench every joint transmits, parent on child, as Pinocchio's `data.f`.
+    """Return the wrench that every joint transmits, parent on child, as Pinocchio's `data.f`.
 
     w = RNEA_twin(q, E v, E a) - sum of X f_ext (the multipliers of paper eq. 17).
 
@@ -88,10 +88,7 @@ def joint_wrenches(
 def state_wrenches(
     scene: Scene, states: States, applied: Sequence[AppliedWrench] = (), threads: int | None = None
 ) -> np.ndarray:
-    """Return (T, nj, 6) the wrench every joint transmits, with the payloads each state carries.
-
-    Args: see `joint_wrenches`; states: `States.of`.
-    """
+    """Return `joint_wrenches` (T, nj, 6) with the payloads that each state carries."""
     threads = threads_for(len(states.q), threads)
     out = np.empty((len(states.q), scene.twin().n_joints, 6))
     for start, stop, carried in states.phases(scene):
@@ -110,7 +107,7 @@ def reactions(
 ) -> None:
     """Write w = RNEA_twin(q, E v, E a) of one batch into `batch.wrench` (paper eq. 17).
 
-    For a robot too large to open, the wrenches are Pinocchio's `data.f`, sample by sample.
+    Of a robot too large to open, they are Pinocchio's `data.f`, sample by sample.
     """
     embedding = q, v, a, twin.embedding, batch.q, batch.v, batch.a
     if threads == 1:
@@ -142,7 +139,7 @@ def rigid_efforts(
 def transmitted(
     twin: Twin, q: np.ndarray, v: np.ndarray, a: np.ndarray, batch: Batch, threads: int
 ) -> None:
-    """Write `reactions` of a batch whose states of the twin are there."""
+    """Write `reactions` of a batch whose twin's states are known."""
     _transmitted(twin, q, v, a, batch, threads)
     for joint, wrench in spring_wrenches(twin, q, batch.q):
         transmit(wrench, joint, *tree_tables(twin), batch.q, batch.wrench)
@@ -168,7 +165,7 @@ def spring_energy(twin: Twin, q: np.ndarray) -> np.ndarray:
 def _places(
     twin: Twin, q: np.ndarray, q_twin: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """What `Springs` asks for: positions of their joints, poses of all links."""
+    """Return positions of the springs' joints, poses of all links."""
     assert twin.springs is not None
     n, nj = len(q), twin.n_joints
     p, R = np.empty((n, nj, 3)), np.empty((n, nj, 3, 3))
@@ -232,7 +229,7 @@ def applied_wrenches(
 
 
 def external_frame(scene: Scene, name: str) -> pin.Frame:
-    """Return the frame of that name: a link's before others, for URDFs give joints the same names.
+    """Return the frame of that name, a link's first: in URDFs joints may have the same names.
 
     Raises:
         SceneError: there is none.
@@ -265,7 +262,7 @@ def check_roll_moments(scene: Scene, wrench: np.ndarray, first: int) -> None:
     Args:
         scene: with the bearings.
         wrench: (n, ns, 6) of the sites, N and N m.
-        first: number of the first of these samples, for the message.
+        first: number of the first sample, for the message.
 
     Raises:
         RollMomentError: a guide without width is loaded so.
@@ -285,7 +282,7 @@ def check_roll_moments(scene: Scene, wrench: np.ndarray, first: int) -> None:
 
 
 def batch_size(threads: int) -> int:
-    """Return the samples of a batch: what stays in each thread's cache."""
+    """Return the samples of a batch, which stays in each thread's cache."""
     return CHUNK if threads == 1 else _SHARED_CHUNK * threads
 
 

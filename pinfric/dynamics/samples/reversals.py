@@ -9,18 +9,14 @@ from pinfric.dynamics.samples.threaded import reversals_in_parts, team
 
 
 def reversals(velocity: np.ndarray, stick_velocity: np.ndarray, threads: int = 1) -> np.ndarray:
-    """Return the samples next to which a velocity changes sign.
+    """Return the samples (T, ns) next to which a velocity changes sign.
 
-    Of the two samples around a sign change the slower one is marked (the earlier if equal). If one
-    of them sticks already, its interval covers the passage and nothing is marked.
+    Of the two around a sign change, the slower (the earlier if equal). None where one of them
+    sticks: its interval covers the passage.
 
     Args:
         velocity: (T, ns), rad/s or m/s.
         stick_velocity: (ns,), rad/s or m/s.
-        threads: each takes a part of the samples.
-
-    Returns:
-        (T, ns) bool.
     """
     marked = np.zeros(velocity.shape, dtype=bool)
     if threads == 1:

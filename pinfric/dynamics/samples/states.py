@@ -1,4 +1,4 @@
-"""Checked states of a motion for the dynamics, one row per sample."""
+"""Checked states of a motion, one row per sample."""
 
 from __future__ import annotations
 
@@ -47,10 +47,9 @@ class States:
 
     Attributes:
         q, v, a: (T, nq), (T, nv), (T, nv), finite, C-ordered float64, q on its manifold.
-        t: (T,) increasing times in s, which make the samples one motion; None: states without
-            order.
-        attached: (T, np) which payloads are carried, columns as `scene.payloads`; None is the
-            scene's default throughout.
+        t: (T,) increasing times in s of one motion; None: states without order.
+        attached: (T, np) which payloads are carried, columns as `scene.payloads`; None: the scene's
+            default.
     """
 
     q: np.ndarray
@@ -61,7 +60,7 @@ class States:
 
     @property
     def times(self) -> np.ndarray:
-        """(T,) `t` of states that are known to have them."""
+        """`t` of states that have it."""
         assert self.t is not None
         return self.t
 
@@ -102,18 +101,18 @@ class States:
         return States(self.q[part], self.v[part], self.a[part], t, attached)
 
     def around(self, part: slice) -> slice:
-        """Return a slice of the samples with one more on each side, where a motion has one."""
+        """Return a slice with one sample more on each side, where a motion has one."""
         if self.t is None:
             return part
         return slice(max(part.start - 1, 0), min(part.stop + 1, len(self.q)))
 
     def inside(self, part: slice) -> slice:
-        """Return where the samples of a slice are among those of `around`."""
+        """Return where a slice is within `around`."""
         first = part.start - self.around(part).start
         return slice(first, first + part.stop - part.start)
 
     def phases(self, scene: Scene) -> Iterator[tuple[int, int, tuple[str, ...] | None]]:
-        """Yield (start, stop, names of the payloads carried) of each phase of constant load."""
+        """Yield (start, stop, names of the payloads carried; None: default) of each phase."""
         if self.attached is None or not scene.payloads:
             yield 0, len(self.q), None
             return
@@ -126,7 +125,7 @@ class States:
 
 
 def attached_columns(scene: Scene, motion: Any) -> np.ndarray | None:
-    """Return a motion's payload phases with the columns of `scene.payloads`, or None.
+    """Return a motion's `attached` in the columns of `scene.payloads`, or None.
 
     Raises:
         StateError: the motion was made for other joints or other payloads.
@@ -147,12 +146,7 @@ def attached_columns(scene: Scene, motion: Any) -> np.ndarray | None:
 
 
 def mention_degrees(scene: Scene, q: np.ndarray) -> None:
-    """Warn where angles are beyond their joint's limits by far, and all would be within in degrees.
-
-    Args:
-        scene: its model has the limits.
-        q: (T, nq) positions, rad and m.
-    """
+    """Warn where angles q (T, nq) are far beyond limits, and all would be within in degrees."""
     model, beyond = scene.model, None
     joints = zip(list(model.names)[1:], list(model.joints)[1:], strict=True)  # 0 is the world
     for name, joint in joints:
@@ -179,12 +173,7 @@ def mention_degrees(scene: Scene, q: np.ndarray) -> None:
 
 
 def mention_unmeasured(scene: Scene, v: np.ndarray) -> None:
-    """Warn, once for a motion, where joints are faster than their friction was measured.
-
-    Args:
-        scene: its `measured` has the speeds.
-        v: (T, nv) rad/s and m/s.
-    """
+    """Warn where joints are faster in a motion v (T, nv) than their friction was measured."""
     if scene.measured is None:
         return
     beyond = []
@@ -206,7 +195,7 @@ def mention_unmeasured(scene: Scene, v: np.ndarray) -> None:
 
 
 def one_of(where: str, effort: Any, motor_torque: Any) -> np.ndarray:
-    """Return the efforts or the motor torques; raise `StateError` for both or neither."""
+    """Return the one that is given; raise `StateError` for both or neither."""
     if (effort is None) == (motor_torque is None):
         both = "both" if effort is not None else "neither"
         raise StateError(f"{where}: found {both} of effort and motor_torque; give one of them")
@@ -219,10 +208,8 @@ def vector(
     """Return a (size,) C-ordered float array, or raise `StateError` naming it.
 
     Args:
-        name, symbol: of the array and of its size, for the message.
-        given: what should be one.
-        size: entries.
-        model: of a configuration: the message says how it is made from angles.
+        name, symbol: of the array and its size, for the message.
+        model: of a configuration, to say in the message how it is made from angles.
     """
     if type(given) is np.ndarray and given.dtype is _FLOAT and given.shape == (size,):
         return np.ascontiguousarray(given)
@@ -266,7 +253,7 @@ _UNIT_PARTS = {
 
 
 def unit_parts(model: pin.Model) -> tuple[np.ndarray, np.ndarray]:
-    """Return where in q (cos, sin) pairs and quaternions begin, and how long they are; (nu,)."""
+    """Return where in q (cos, sin) pairs and quaternions begin (nu,), and their lengths (nu,)."""
     found = []
     for joint in model.joints[1:]:
         continuous = (0, 2 if (joint.nq, joint.nv) == (2, 1) else 0)
@@ -278,7 +265,7 @@ def unit_parts(model: pin.Model) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _on_manifold(model: pin.Model, q: np.ndarray) -> np.ndarray:
-    """Normalize (cos, sin) pairs and quaternions; warn where that changes more than rounding."""
+    """Normalize (cos, sin) pairs and quaternions; warn of more than rounding."""
     if model.nq == model.nv:
         return q
     normal = q.copy()

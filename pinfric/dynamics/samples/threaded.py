@@ -1,8 +1,8 @@
-"""Kernels of inverse dynamics on several threads: each thread takes a part of the samples.
+"""Kernels of inverse dynamics on several threads, each with a part of the samples.
 
-numba's loops run in the same OpenMP as Pinocchio's batch. Results are the same to the last bit as
-on one thread. OpenMP's threads do not survive a fork, so a process that was forked after its parent
-had used several works on one.
+Results are those of one thread to the last bit. numba's loops run in the same OpenMP as Pinocchio's
+batch, whose threads do not survive a fork: a process forked after its parent used several works on
+one.
 """
 
 from __future__ import annotations
@@ -32,16 +32,12 @@ _FEW = 4096
 
 
 class _Threads:
-    """Which process OpenMP's threads belong to.
-
-    Attributes:
-        owner: the process that started them; None: there are none yet.
-    """
+    """The process that owns OpenMP's threads, `owner`; None: there are none yet."""
 
     owner: int | None = None
 
     def allowed(self, wanted: int) -> int:
-        """Return how many of the wanted threads this process may use."""
+        """Return how many threads this process may use."""
         if wanted > 1 and self.owner is None:
             self.owner = os.getpid()
         return wanted if self.owner in (None, os.getpid()) else 1
@@ -61,7 +57,7 @@ def threads_for(samples: int, threads: int | None) -> int:
 
 @contextmanager
 def team(threads: int) -> Iterator[int]:
-    """Let numba's loops run on so many threads, at most as many as it has; yield their number."""
+    """Let numba's loops run on up to so many threads; yield their number."""
     before = numba.get_num_threads()
     threads = min(threads, int(numba.config.NUMBA_NUM_THREADS))  # type: ignore[attr-defined]
     numba.set_num_threads(threads)
@@ -106,8 +102,7 @@ def bound_in_parts(  # noqa: PLR0913 - one for each table
 ) -> None:
     """`twin.project`, then `motion_kernels.bound_efforts`, a part of the samples on each thread.
 
-    Where wrench is (n, nj, 0) nothing looks at wrenches, and the efforts without friction are there
-    already.
+    Where wrench is (n, nj, 0), `effort_frictionless` is known already.
     """
     n = wrench.shape[0]
     for part in numba.prange(parts):

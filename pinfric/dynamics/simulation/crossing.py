@@ -15,16 +15,14 @@ Guard = Callable[[float], float]
 def first_crossing(
     guard: Guard, times: np.ndarray, values: np.ndarray, slack: float
 ) -> float | None:
-    """Return the first time at which a guard falls below zero, or None.
+    """Return the first time at which a guard falls below -slack, located at zero, or None.
 
-    Only a fall below -slack counts, but it is located at zero. Between two positive values a dip is
-    searched for if the second differences allow one. A guard that is below zero at the start
-    triggers there.
+    Between two positive values a dip is searched for if the second differences allow one. A guard
+    that is below -slack at the start triggers there.
 
     Args:
-        guard: of time; continuous, or with jumps, which are located too.
-        times: (n,) evenly spaced over the step.
-        values: (n,) of the guard there, finite.
+        guard: of time; may jump.
+        times, values: (n,) evenly spaced over the step, and the guard there, finite.
         slack: rounding of the guard.
     """
     if values[0] < -slack:
@@ -68,7 +66,7 @@ def _within(
 
 
 def root(guard: Guard, start: float, end: float) -> float:
-    """Return where a guard falls through zero, to rounding of time; of a jump, its far side.
+    """Return when a guard falls through zero, to rounding; of a jump, its far side.
 
     Args:
         guard: not negative at `start`, negative at `end` (s).

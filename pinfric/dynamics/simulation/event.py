@@ -1,9 +1,9 @@
 """Simulation with located events: the reference among the three methods.
 
 SciPy's Dormand-Prince 8(5,3), at loose tolerances its 5(4), integrates while no joint changes its
-mode. Guards are evaluated on their polynomials: the velocity of slipping joints, and the distance
-of sticking joints' friction from its static limits. At a located instant the modes are searched
-again, and the integration restarts. What rests under constant efforts is not integrated.
+mode. Guards are evaluated on its polynomials: the velocity of slipping joints, the distance of
+sticking joints' friction from its static limits. Where one reaches zero, the modes are searched
+again and the integration restarts. A robot at rest under constant efforts is not integrated.
 """
 
 from __future__ import annotations
@@ -38,12 +38,12 @@ class EventIntegration(Integration):
     """One simulation with located events.
 
     Attributes:
-        t, y: present time (s) and state (2 nv,).
-        forward: (nc,) direction in which each coordinate's speed is watched: that of its slip.
+        t, y: time (s) and state (2 nv,).
+        forward: (nc,) direction of slip, in which each coordinate's speed is watched.
         allowance: (nc,) how far a guard that was just handled may stay below zero.
-        changed: (nc,) when (s) each coordinate changed its mode last.
+        changed: (nc,) time (s) of each coordinate's last change of mode.
         recent: times (s) of all changes.
-        _guards_now: (1, nc) guards at the present state, or (0, nc) where they are not known.
+        _guards_now: (1, nc) guards at the present state; (0, nc): not known.
     """
 
     def __init__(self, system: System, settings: Settings, record: Recorder) -> None:
@@ -57,10 +57,10 @@ class EventIntegration(Integration):
         self._guards_now = np.zeros((0, self.nc))
 
     def run(self, q: np.ndarray, v: np.ndarray) -> None:
-        """Integrate from t = 0; the record holds what happens.
+        """Integrate from t = 0 into the record.
 
         Args:
-            q, v: (nq,), (nv,) at the start; coordinates at rest are set to exactly 0 velocity.
+            q, v: (nq,), (nv,) at the start; coordinates at rest get exactly 0 velocity.
         """
         self.y = self.start(*begin(self.system, self.record, q, v))
         self.given = self.ws.modes.kept()
@@ -87,7 +87,7 @@ class EventIntegration(Integration):
         return self.system.solve_given_modes(t, q, v, self.given)
 
     def _smooth(self, end: float, first_step: float | None) -> float | None:
-        """Integrate until the modes change, the chart must move or `end`; return the next step."""
+        """Integrate to `end`, a change of modes or of the chart; return the next step's length."""
         from scipy.integrate import DOP853, RK45
 
         if self._rests():
@@ -132,7 +132,7 @@ class EventIntegration(Integration):
         return float(solver.h_abs)  # what the next step would be
 
     def _rests(self) -> bool:
-        """Whether nothing moves, and nothing will: the efforts do not change."""
+        """Whether nothing moves, and constant efforts let nothing move later."""
         constant = self.system.effort.finest == np.inf and not self.system.effort.breakpoints.size
         still = constant and not self.linked and not self.y[self.ws.nv :].any()
         return still and not self.rhs(self.t, self.y).any()
@@ -147,7 +147,7 @@ class EventIntegration(Integration):
         self.t = end
 
     def _step(self, solver: Any) -> None:
-        """Take one step; where stages reach inconsistent states, a shorter one."""
+        """Take one step, shorter where its stages have no acceleration."""
         while True:
             try:
                 with finite(solver.t):
@@ -166,7 +166,7 @@ class EventIntegration(Integration):
             return
 
     def _keep_step(self, start: float, end: float, polynomial: object) -> None:
-        """Record the step's polynomial, the samples due in it and joints that leave their range."""
+        """Record the step's polynomial, its samples, and joints that leave their range."""
         assert callable(polynomial)
         record, nv = self.record, self.ws.nv
         if end > start:
@@ -203,11 +203,7 @@ class EventIntegration(Integration):
         return guards
 
     def _advance(self, states: np.ndarray) -> np.ndarray:
-        """(n, nc) speeds in the directions that are watched; of a ball, for its three coordinates.
-
-        Args:
-            states: (n, 2 nv) of y.
-        """
+        """(n, nc) speeds along `forward` at states (n, 2 nv); a ball's at its three coordinates."""
         if self.ws.constraints.off_joints:
             rates = np.array([self.ws.constraints.rates(*self.state(y)) for y in states])
         else:
@@ -215,13 +211,13 @@ class EventIntegration(Integration):
         return self.ws.mechanism.summed(self.forward * rates)
 
     def _watch(self) -> None:
-        """Watch every coordinate's speed in the direction in which it slips now."""
+        """Watch each coordinate's speed in its direction of slip."""
         self.forward = self.ws.mechanism.slip_direction(
             self.ws.modes, self.ws.constraints.rates(*self.state(self.y))
         )
 
     def _slack(self) -> np.ndarray:
-        """(nc,) rounding of the guards: of friction where it sticks, of velocity where it slips."""
+        """(nc,) rounding of the guards: of friction where stuck, of velocity where slipping."""
         slack = np.full(self.nc, 1e-15 * np.abs(self.y[self.ws.nv :]).max(initial=0.0))
         stuck = self.given.stuck
         if stuck.any():
@@ -229,7 +225,7 @@ class EventIntegration(Integration):
         return slack
 
     def _allow(self) -> None:
-        """After a change of modes: what is below zero now was handled, and does not fire again."""
+        """After a change of modes, keep guards that are below zero from firing again."""
         self._watch()
         self._guards_now = self._guards(np.array([self.t]), self.y[None, :])
         guards = self._guards_now[0]
@@ -238,7 +234,7 @@ class EventIntegration(Integration):
     def _first_event(
         self, start: float, end: float, polynomial: Any
     ) -> tuple[float, np.ndarray] | None:
-        """First time in a step at which guards fire, and which do."""
+        """First time in a step at which guards fire, and which (nc,)."""
         if not self.ws.plan.coordinates.dry.any():
             self._guards_now = np.zeros((1, self.nc))
             return None
@@ -267,7 +263,7 @@ class EventIntegration(Integration):
         return time, together
 
     def _guard(self, c: int, polynomial: Any) -> Callable[[float], float]:
-        """One guard in a step, with its allowance, as a function of time."""
+        """One guard plus its allowance, as a function of time in a step."""
         allowed, forward = float(self.allowance[c]), float(self.forward[c])
 
         def of_friction(t: float) -> float:
@@ -299,9 +295,9 @@ class EventIntegration(Integration):
     # ------------------------------------------------------------ changes of modes
 
     def _change_modes(self, fired: np.ndarray) -> None:
-        """Search the modes at the present instant, where guards of some coordinates crossed zero.
+        """Search the modes at an instant where guards crossed zero.
 
-        What broke away is made to slip first; where that has no solution, nothing is.
+        First with slip of what broke away; where that has no solution, without.
 
         Args:
             fired: which coordinates.
@@ -362,9 +358,9 @@ class EventIntegration(Integration):
         self._watch_accumulation()
 
     def _stop(self, slow: list[int]) -> list[int]:
-        """Stop coordinates whose speed has come to zero, and return all that come to rest.
+        """Stop coordinates whose speed has come to zero; return all that come to rest.
 
-        In a mechanism others stop along, or none does, where a joint passes its dead centre.
+        In a mechanism others stop too, or none does, where a joint passes its dead centre.
         """
         if self.linked:
             self.y = self.projected(self.y)
@@ -378,7 +374,7 @@ class EventIntegration(Integration):
         return [int(c) for c in np.flatnonzero(stopped & ~self.ws.modes.stuck)]
 
     def _watch_accumulation(self) -> None:
-        """Stop where events come ever closer together, or there are too many of them."""
+        """Refuse events that come ever closer together, or are too many."""
         self.recent.append(self.t)
         if len(self.recent) > self.settings.max_events:
             raise SimulationError(

@@ -1,4 +1,4 @@
-"""Common base of the integrators: state, start, and the ends of pieces between breakpoints."""
+"""Base of the integrators: state, start, pieces between breakpoints."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from pinfric.dynamics.simulation.system import Chart, Settings, System, differen
 
 
 def standing(ws: Workspace, q: np.ndarray, v: np.ndarray) -> np.ndarray:
-    """Return velocities (nv,) set to exactly 0 where coordinates stick."""
+    """Return velocities (nv,), exactly 0 where coordinates stick."""
     speed = ws.mechanism.speeds(ws.constraints.rates(q, v))
     slow = ws.plan.coordinates.dry & (speed <= ws.plan.coordinates.stick_velocity)
     return ws.constraints.stop(q, v, slow)[0]
@@ -21,7 +21,7 @@ def standing(ws: Workspace, q: np.ndarray, v: np.ndarray) -> np.ndarray:
 def begin(
     system: System, record: Recorder, q: np.ndarray, v: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Record t = 0; return the state with velocities set to exactly 0 where coordinates stick."""
+    """Record t = 0; return the state, with velocities exactly 0 where coordinates stick."""
     ws, v = system.ws, standing(system.ws, q, v)
     system.control(0.0, q, v)
     system.solve(0.0, q, v)
@@ -58,7 +58,7 @@ class Integration:
         return np.concatenate([self.chart.coordinates(q), v])
 
     def ends(self) -> Iterator[float]:
-        """Yield the ends (s) of the pieces that have no breakpoint inside, each as it begins."""
+        """Yield the end (s) of each piece between breakpoints, as it begins."""
         for piece in self.system.pieces(self.settings.t_end):
             self.system.within(*piece)
             yield piece[1]
@@ -69,7 +69,7 @@ class Integration:
         return self.chart.configuration(np.ascontiguousarray(y[:nv])), np.ascontiguousarray(y[nv:])
 
     def projected(self, y: np.ndarray) -> np.ndarray:
-        """Return the state nearest to y in which loops are closed and what sticks is at rest."""
+        """Return the state nearest to y with closed loops and sticking coordinates at rest."""
         nv = self.ws.nv
         before, v = self.state(y)
         q, v = self.ws.constraints.project(before, v, self.given.stuck)

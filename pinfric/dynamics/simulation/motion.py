@@ -1,4 +1,4 @@
-"""A simulated motion: samples, events, stick intervals, energy, and writing to a file."""
+"""The result of a simulation."""
 
 from __future__ import annotations
 
@@ -202,15 +202,14 @@ class Motion(Shown):
         return tuple(found)
 
     def sample(self, t: Any) -> Motion:
-        """Return the motion at other times (T',): from the integrator's own polynomials.
+        """Return the motion at other times (T',), from the integrator's polynomials.
 
-        Accelerations and friction are computed anew at each time, with the modes of the interval
-        it lies in (at a change: those after it). Events and stick intervals stay those of the
-        whole motion.
+        Accelerations and friction are computed at each time, in its modes (at a change: those after
+        it). Events and stick intervals stay those of the whole motion.
 
         Raises:
-            StateError: times outside the motion or not increasing; no polynomials (only `event`
-                has them), or a motion from a file, which does not hold the effort function.
+            StateError: times outside the motion or not increasing; a motion from a file, or of
+                another method than `event`.
         """
         times = np.atleast_1d(real_numbers("t", t))
         if self.dense is None:
@@ -227,8 +226,8 @@ class Motion(Shown):
     def energy(self) -> Energy:
         """Return the balance of energy over the whole motion.
 
-        `event`: by Gauss quadrature on the integrator's polynomials, as exact as the motion;
-        other motions: by the trapezoidal rule over the samples.
+        `event`: by Gauss quadrature on the integrator's polynomials, as exact as the motion; else
+        by the trapezoidal rule over the samples.
         """
         return self._energy
 
@@ -274,9 +273,9 @@ class Motion(Shown):
         return pd.DataFrame(columns)
 
     def save(self, path: str | Path) -> Path:
-        """Write an npz file that `load_motion` reads back, with a digest of the scene's parts.
+        """Write an npz file for `load_motion`, with a digest of the scene's parts; return its path.
 
-        A name that does not end in `.npz` gets this ending. Returns the file's path.
+        A name without the ending `.npz` gets it.
         """
         path = Path(path)
         if path.suffix != ".npz":
@@ -309,7 +308,7 @@ class Motion(Shown):
 
 
 def listed_times(unproved: tuple[float, ...]) -> str:
-    """Say from when on other modes may obey the laws as well; "" where they never may."""
+    """Say from when on other modes may obey the laws, too; "" if never."""
     if not unproved:
         return ""
     more = f", and after {len(unproved) - 1} later changes" if len(unproved) > 1 else ""
@@ -317,7 +316,7 @@ def listed_times(unproved: tuple[float, ...]) -> str:
 
 
 def mechanical_energy(model: pin.Model, data: pin.Data, q: np.ndarray, v: np.ndarray) -> float:
-    """Return kinetic and potential energy (J); Pinocchio's own do not know mimic joints."""
+    """Return kinetic plus potential energy (J), with mimic joints, which Pinocchio leaves out."""
     if any(joint.shortname() == "JointModelMimic" for joint in model.joints[1:]):
         weight = pin.rnea(model, data, q, 0.0 * v, 0.0 * v)  # `crba` wants joints depth first
         kinetic = 0.5 * v @ (pin.rnea(model, data, q, 0.0 * v, v) - weight)
@@ -332,7 +331,7 @@ def scene_digests(scene: Scene, given: str) -> dict[str, str]:
 
     Args:
         scene: what was simulated.
-        given: of the motion; the gears count where that is "motor_torque".
+        given: `Motion.given`; the gears count for "motor_torque".
     """
     model = scene.model
     joints = range(1, model.njoints)
@@ -366,7 +365,7 @@ def scene_digests(scene: Scene, given: str) -> dict[str, str]:
 
 @dataclass(frozen=True, eq=False)
 class Dense:
-    """The integrator's polynomials and what is needed to compute accelerations on them.
+    """The integrator's polynomials, and accelerations on them.
 
     Attributes:
         t: (N + 1,) borders of the steps.
@@ -379,7 +378,7 @@ class Dense:
     row: Callable[[float, np.ndarray, np.ndarray], Row]
 
     def rows(self, times: np.ndarray) -> list[Row]:
-        """Rows as `Recorder.row` makes them at times of the motion."""
+        """`Recorder.row` at times of the motion."""
         steps = np.clip(self.t.searchsorted(times, side="right") - 1, 0, len(self.t) - 2)
         return [
             self.row(time, *self.at(int(step), time))
@@ -391,10 +390,7 @@ class Dense:
         return replace(motion, **columns(motion.scene, self.rows(times), motion.given))
 
     def integrate(self, motion: Motion) -> np.ndarray:
-        """Work of the drives and loss at sites and gears, J, by Gauss's rule in every step.
-
-        From the motion's first sample to its last; see `powers`.
-        """
+        """Integral of `powers` (J) over the motion, by Gauss's rule in every step."""
         total = np.zeros(1 + len(motion.scene.sites) + len(motion.scene.drives))
         inside = self.t[(self.t > motion.t[0]) & (self.t < motion.t[-1])]
         for start, end in pairwise([motion.t[0], *inside, motion.t[-1]]):
@@ -402,7 +398,7 @@ class Dense:
         return total
 
     def _integral(self, motion: Motion, start: float, end: float, depth: int) -> np.ndarray:
-        """See `integrate`; where a gear's mesh reverses, what it loses bends: there in parts."""
+        """`integrate` from start to end; in halves where a gear's mesh reverses: its loss bends."""
         nodes, weights = np.polynomial.legendre.leggauss(6)
         half = (end - start) / 2
         part = self.sample(motion, start + half * (1 + nodes))
@@ -432,10 +428,10 @@ def columns(scene: Scene, rows: list[Row], given: str) -> dict[str, Any]:
 
 
 def powers(motion: Motion) -> np.ndarray:
-    """Return (T, 1 + ns + na), W: of the drives together, lost at each site, lost in each gear.
+    """Return (T, 1 + ns + na) W: of all drives, lost at each site, lost in each gear.
 
-    A gear loses |v| (n + mu |t|) and what its motor's viscous friction takes (`model/drives.py`);
-    none where efforts at the joints were given.
+    A gear loses |v| (n + mu |t|) and its motor's viscous friction (`model/drives.py`); none where
+    efforts at the joints were given.
     """
     scene, torque = motion.scene, motion.motor_torque
     drives, sites = working_rates(scene, motion.q, motion.v)

@@ -1,4 +1,4 @@
-"""Read a motion from its file; damaged files and motions of other scenes are refused."""
+"""Read a motion from its file; refuse damaged files and motions of other scenes."""
 
 from __future__ import annotations
 
@@ -41,15 +41,15 @@ class _About(Entry):
 
 
 def load_motion(path: str | Path, scene: Scene) -> Motion:
-    """Read a motion that `Motion.save` wrote; `sample` needs a motion that was just simulated.
+    """Read a motion that `Motion.save` wrote; its `sample` is refused.
 
     Args:
         path: the npz file.
         scene: the scene it was simulated with.
 
     Raises:
-        SimulationError: the file cannot be read, is damaged, or was simulated with another scene
-            (it says which parts differ).
+        SimulationError: the file cannot be read, is damaged, or is of another scene (says which
+            parts differ).
     """
     expect_scene(scene, "load_motion")
     where = brief_path(path)

@@ -1,4 +1,4 @@
-"""Records samples, events and phases of a running simulation."""
+"""Records of a running simulation."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ class Recorder:
         return t, np.concatenate(found)
 
     def sample(self, t: float, q: np.ndarray, v: np.ndarray) -> None:
-        """Keep the system's present solution; in place of a sample at the same time."""
+        """Keep the system's present solution, in place of a sample at the same time."""
         row = self.row(t, q, v)
         if self.rows and t <= self.rows[-1][0]:
             self.rows[-1] = row
@@ -101,7 +101,7 @@ class Recorder:
         self.events.append(Event(float(t), name, kind, int(np.sign(direction))))
 
     def changes(self, t: float, before: Modes, turned: np.ndarray) -> None:
-        """Note what came to rest, what left it and what turned (nc,) through it since `before`."""
+        """Note what came to rest or left it since `before`, and what turned (nc,) through it."""
         ws = self.system.ws
         self.phase(t)
         if not (turned.any() or (ws.modes.stuck != before.stuck).any()):

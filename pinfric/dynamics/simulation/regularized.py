@@ -2,9 +2,8 @@
 
     x = -tanh(v / velocity) (mu(v) c + coulomb(v)) - drag
 
-The equations are smooth, so one stiff solver (SciPy's Radau) integrates them without events. But
-joints never stick: a load that static friction would hold creeps at
-v = velocity artanh(load / limit), with the limit of kinetic friction.
+One stiff solver (SciPy's Radau) integrates without events. Joints never stick: a load that static
+friction would hold creeps at v = velocity artanh(load / limit), with the limit of kinetic friction.
 """
 
 from __future__ import annotations
@@ -40,7 +39,7 @@ class RegularizedIntegration(Integration):
         return a
 
     def run(self, q: np.ndarray, v: np.ndarray) -> None:
-        """Integrate from t = 0; the record holds what happens."""
+        """Integrate from t = 0 into the record."""
         settings, nv = self.settings, self.ws.nv
         y, t = self.start(q, v), 0.0
         self.system.control(0.0, q, v)

@@ -107,11 +107,10 @@ def simulate(
     """Return the motion that efforts cause from a state at t = 0, with stick and slip.
 
     M a + h = u + D phi in time (paper eq. 16, 20, 21). A joint that moves no mass is held at its
-    start, as if locked, as long as its friction bears its effort. `event`: the modes change at
-    located instants, the reference. `timestepping`: Moreau and Jean's scheme, fixed steps, friction
-    impulses implicit, first order, exact standstill. `regularized`: mu(v) smoothed by
-    tanh(v / velocity) and a stiff solver; joints creep where the other methods hold them, and there
-    is no static friction.
+    start as long as its friction bears its effort. `event`: the modes change at located instants,
+    the reference. `timestepping`: Moreau and Jean's scheme, fixed steps, implicit friction, first
+    order, exact standstill. `regularized`: mu(v) smoothed by tanh(v / velocity) and a stiff solver;
+    no static friction, joints creep where the other methods hold them.
 
     Args:
         scene: the robot with its friction and drives.
@@ -126,17 +125,17 @@ def simulate(
         breakpoints: times (s) at which an effort function or its slope jumps; not for tables.
         external: frame name -> (6,) constant wrench on it, in its axes at its origin (N, N m).
         attached: names of the payloads carried; None takes those attached by default.
-        progress: function of t, called at every step; True shows a bar, False does not; None shows
-            one on a terminal if the run takes longer than two seconds.
+        progress: function of t, called at every step; True shows a bar; None does on a terminal if
+            the run takes longer than two seconds.
         numbers: control_period, rtol, atol, dt, sample_step, ...; see `Numbers`.
 
     Raises:
         SimulationError: an effort beyond the friction of a joint that moves no mass, an invalid
-            argument, an effort function that raises, an integration that
-            cannot continue. StateError: q0, v0 of a wrong shape or not finite.
-        AccelerationError: none, several, undecided or a jam, with time and state. The error's
-            `motion` is the motion until then. After Ctrl-C the motion until then is returned, with
-            status `interrupted` (before the first sample the interrupt is raised).
+            argument, an effort function that raises, an integration that cannot continue.
+        StateError: q0, v0 of a wrong shape or not finite.
+        AccelerationError: none, several, undecided or a jam, with time and state; its `motion` is
+            that until then. After Ctrl-C the motion until then is returned, with status
+            `interrupted` (before the first sample the interrupt is raised).
 
     >>> import pinfric as pf
     >>> scene = pf.load_scene("pendulum")
@@ -170,10 +169,10 @@ def simulate(
 
 
 def simulate_whole(scene: Scene, **options: Any) -> Motion:
-    """Simulate from the scene's own start; Ctrl-C raises, for half a motion is no reference.
+    """Simulate from the scene's own start to the end.
 
     Raises:
-        KeyboardInterrupt; and what `simulate` raises.
+        KeyboardInterrupt after Ctrl-C, where `simulate` returns; and what it raises.
     """
     motion = simulate(scene, **options)
     if motion.status == INTERRUPTED:
@@ -190,7 +189,7 @@ def simulate_constant(
     carried: tuple[str, ...],
     **numbers: Unpack[Numbers],
 ) -> Motion:
-    """Return the motion under constant efforts, by located events, in a workspace of the caller's.
+    """Return the motion under constant efforts by `event`, in a workspace of the caller's.
 
     Args:
         ws: of the scene with the payloads `carried`; overwritten.
@@ -206,7 +205,7 @@ def simulate_constant(
 
 
 def _read(scene: Scene, method: str, t_end: float | None, numbers: Numbers) -> Settings:
-    """Return the settings; refuse unknown options, and those that the method does not use."""
+    """Return the settings; refuse options that are unknown, or not of the method."""
     if unknown := numbers.keys() - Numbers.__annotations__.keys():
         raise TypeError(f"simulate() got an unexpected keyword argument {min(unknown)!r}")
     settings = _settings(method, _end(scene, t_end), **numbers)
@@ -232,7 +231,7 @@ def _end(scene: Scene, t_end: float | None) -> float:
 
 
 def _held(effort: Effort, settings: Settings, breakpoints: Sequence[float] | None) -> Effort:
-    """Return the effort of a controller that is asked once a period, as a digital one computes."""
+    """Return an effort that is asked once a period, as a digital controller is."""
     period = settings.control_period
     assert period is not None
     if breakpoints is not None:
@@ -245,14 +244,14 @@ def _held(effort: Effort, settings: Settings, breakpoints: Sequence[float] | Non
 
 
 def _longest_step(effort: Effort, method: str, t_end: float) -> float:
-    """Longest step (s), short enough to resolve the efforts, as far as they are known."""
+    """Longest step (s) that resolves the efforts, as far as they are known."""
     step = t_end / 50 if effort.finest is None else min(t_end / 4, effort.finest)
     _check_steps(method, "efforts that change within", step, t_end)
     return step
 
 
 def _check_steps(method: str, what: str, step: float | None, t_end: float) -> None:
-    """Refuse a longest step so short that the run would not end."""
+    """Refuse a longest step with which the run would not end."""
     if method != "timestepping" and step is not None and t_end / step > _MOST_SHORT_STEPS:
         raise SimulationError(
             f"t_end = {t_end:g} s with {what} {step:g} s: {t_end / step:.3g} steps; {method} takes "
@@ -263,7 +262,7 @@ def _check_steps(method: str, what: str, step: float | None, t_end: float) -> No
 def _run(
     method: str, system: System, settings: Settings, record: Recorder, q: np.ndarray, v: np.ndarray
 ) -> Motion:
-    """Integrate; keep the recorded motion if the user or an error ends the run."""
+    """Integrate; return the motion so far where the user or an error ends the run."""
     v = np.where(np.isin(np.arange(len(v)), system.ws.held), 0.0, v)
     try:
         if method == "event":
@@ -298,7 +297,7 @@ def _settings(
     regularization_velocity: float = 1e-3,
     max_events: int = 100_000,
 ) -> Settings:
-    """Check the numbers, and fill in what depends on the others."""
+    """Check the numbers and fill in defaults that depend on others."""
     if method not in METHODS:
         raise SimulationError(f"method {method!r}: {choose_from(method, METHODS)}")
     steps = {
@@ -344,12 +343,12 @@ def _settings(
 
 
 def _default_step(t_end: float) -> float:
-    """Return the time between samples (s): each costs a solve, so a short motion has fewer."""
+    """Return the time between samples (s); a short motion has fewer, since each costs a solve."""
     return max(t_end / _SAMPLES, min(t_end / _FEWEST, _SHORTEST))
 
 
 def _check_counts(t_end: float, **steps: float | None) -> None:
-    """Refuse fixed steps (s) so short that there are too many of them."""
+    """Refuse fixed steps (s) that are too many."""
     for name, step in steps.items():
         most = _MOST_SHORT_STEPS if name == "control_period" else _MOST_STEPS
         if step is not None and t_end / step > most:
@@ -381,7 +380,7 @@ def _start(scene: Scene, q0: Any, v0: Any) -> tuple[np.ndarray, np.ndarray]:
 
 
 class _Progress:
-    """Calls the user's function, or shows a bar once a run takes long."""
+    """Calls the user's function, or shows a bar if a run takes long."""
 
     def __init__(self, wanted: bool | Callable[[float], None] | None, t_end: float) -> None:
         self.wanted, self.t_end = wanted, t_end

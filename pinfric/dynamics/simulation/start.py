@@ -15,12 +15,11 @@ from pinfric.model.schema import Start
 def start_state(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
     """Return (nq,) and (nv,) of `simulation.start`; joints not named are at 0 and at rest.
 
-    With loops the driven joints stand and move as `start` says (not named: at rest), and the others
-    follow, from the configuration near which `start` has them.
+    With loops `start` gives the driven joints, and the configuration near which the others follow.
 
     Raises:
-        SceneError: no such section; a joint that is not there, or has more than one degree of
-            freedom; loops do not close near there.
+        SceneError: no such section; an unknown joint, or one of several degrees of freedom; loops
+            do not close near there.
         ClosureError: the loops do not determine how all joints move.
     """
     if scene.simulation is None:
@@ -50,7 +49,7 @@ def start_state(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _closed_start(scene: Scene, start: Start, v0: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The start of a scene with loops: closed, and moving as its independent joints do."""
+    """The start of a scene with loops: closed, moving as its independent joints do."""
     names, freedoms = velocity_names(scene.model), scene.mobility.freedoms
     driven = [names[d.velocity_index] for d in scene.drives if d.velocity_index >= 0]
     driven = list(dict.fromkeys([*driven, *start.q]))[:freedoms]
@@ -71,7 +70,7 @@ def _closed_start(scene: Scene, start: Start, v0: np.ndarray) -> tuple[np.ndarra
 
 
 def _where_it_closes(scene: Scene, problem: ClosureError) -> str:
-    """Say that the loops do not close near the start, and of a configuration in which they do."""
+    """Say that the loops do not close near the start, and where they do."""
     assert scene.linkage is not None
     start = scene.start_configuration
     q = closed_configurations(scene.twin(), scene.linkage, start, scene.source, {}, wanted=1)

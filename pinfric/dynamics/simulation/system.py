@@ -22,13 +22,13 @@ _LOCAL = {"JointModelPlanar": 1, "JointModelSpherical": 3, "JointModelFreeFlyer"
 
 @dataclass(frozen=True, eq=False)
 class Chart:
-    """Numbers xi (nv,) for configurations: q = base integrated by xi.
+    """Coordinates xi (nv,) of configurations: q = base integrated by xi.
 
-    Angles and lengths count from zero and never wrap; planar, spherical and floating joints are
-    described by the exponential around `base`, which moves along before it degenerates.
+    Angles and lengths count from zero and never wrap; planar, spherical and floating joints are the
+    exponential around `base`, which moves along before it degenerates.
 
     Attributes:
-        base: (nq,) neutral but for the joints that are described around it.
+        base: (nq,) neutral but for those joints.
         local: (n,) indices of xi that are rotations around `base`.
         plain: True where q is xi itself.
     """
@@ -67,11 +67,11 @@ class Chart:
         return np.asarray(np.linalg.solve(J, v))
 
     def is_far(self, xi: np.ndarray) -> bool:
-        """Whether a rotation is so far from `base` that `base` must be moved."""
+        """Whether a rotation is so far from `base` that this must move."""
         return bool(self.local.size) and bool(np.abs(xi[self.local]).max() > 1.0)
 
     def moved(self, xi: np.ndarray) -> tuple[Chart, np.ndarray]:
-        """Return a chart around the present configuration, and xi in it; angles keep turns."""
+        """Return a chart around the configuration xi, and xi in it; angles keep their turns."""
         chart = Chart.at(self.model, self.configuration(xi))
         fresh = xi.copy()
         for joint in self.model.joints[1:]:
@@ -81,7 +81,7 @@ class Chart:
 
 
 def difference(model: pin.Model, start: np.ndarray, end: np.ndarray) -> np.ndarray:
-    """Return the velocity (nv,) that leads from one configuration (nq,) to another in unit time."""
+    """Return the velocity (nv,) from one configuration (nq,) to another in unit time."""
     if model.nq == model.nv:
         return np.asarray(end - start)
     out = np.asarray(pin.difference(model, start, end))
@@ -113,7 +113,7 @@ class System:
     Attributes:
         ws: its own buffers, because an effort function may call `forward_dynamics`.
         evaluations: right-hand sides computed.
-        u: (na,) efforts at the last one; torques of motors times their ratios, where they drive.
+        u: (na,) efforts at the last one, or motor torques times ratios where those are given.
     """
 
     def __init__(self, ws: Workspace, effort: Effort, applied: list[AppliedWrench]) -> None:
@@ -124,32 +124,25 @@ class System:
         self._held: list[np.ndarray] = []
 
     def within(self, start: float, end: float, jumps: bool) -> None:
-        """Evaluate efforts only at times inside (start, end) if there is a breakpoint.
+        """Evaluate efforts only inside (start, end) (s): at a breakpoint a function has two values.
 
-        At a breakpoint a function may return either of its two values.
-
-        Args:
-            start, end: s.
-            jumps: whether `end` is a breakpoint.
+        `jumps`: whether `end` is a breakpoint.
         """
         margin = 1e-12 * max(1.0, end)
         self._window = start + margin if start > 0.0 else 0.0, end - margin if jumps else np.inf
 
     def pieces(self, last: float) -> list[tuple[float, float, bool]]:
-        """Return start, end (s) of the pieces up to `last` that have no breakpoint inside.
-
-        The third says whether a breakpoint ends it, as `within` asks.
-        """
+        """Return start, end (s) of each piece between breakpoints, and whether one ends it."""
         breaks = self.effort.breakpoints
         inside = breaks[(breaks > 0.0) & (breaks < last)].tolist()
         jumps = [*[True] * len(inside), bool((breaks == last).any())]
         return list(zip([0.0, *inside], [*inside, last], jumps, strict=True))
 
     def control(self, t: float, q: np.ndarray, v: np.ndarray) -> None:
-        """Ask an effort that is held between breakpoints for its next value, where one is due.
+        """Ask an effort that is held between breakpoints for its next value, if due.
 
         Args:
-            t, q, v: s, (nq,), (nv,) at the start or at a breakpoint, in the order of time.
+            t, q, v: s, (nq,), (nv,) at the start and then at breakpoints, in the order of time.
 
         Raises:
             SimulationError: see `efforts`.
@@ -161,10 +154,10 @@ class System:
         return int(self.effort.breakpoints.searchsorted(t, side="right"))
 
     def efforts(self, t: float, q: np.ndarray, v: np.ndarray) -> np.ndarray:
-        """Return the efforts or scaled motor torques (na,) at one state, see `u`.
+        """Return `u` (na,) at one state.
 
         Raises:
-            SimulationError: the function raises, or returns something else than (na,) numbers.
+            SimulationError: the function raises, or returns no (na,) numbers.
         """
         if len(self._held) == 1:
             self.u = self._held[0]
@@ -177,7 +170,7 @@ class System:
         return self.u
 
     def _ask(self, at: float, t: float, q: np.ndarray, v: np.ndarray) -> np.ndarray:
-        """Call the function at a time (s) beside the instant t that messages name."""
+        """Call the function at a time (s) beside t, which messages name."""
         try:
             given = self.effort.function(at, q, v)
         except PinfricError:
@@ -205,7 +198,7 @@ class System:
         return u * self.ws.plan.drives.gears.ratio if self.ws.given == "motor_torque" else u
 
     def solve(self, t: float, q: np.ndarray, v: np.ndarray) -> None:
-        """Find modes, friction and accelerations in `ws`, modes by the velocities."""
+        """Find modes by velocities, friction and accelerations in `ws`."""
         self.evaluations += 1
         u = self.efforts(t, q, v)
         try:
@@ -248,10 +241,10 @@ def timed(problem: PinfricError, t: float) -> PinfricError:
 
 @contextmanager
 def finite(t: float) -> Iterator[None]:
-    """Convert an overflow inside SciPy's integrator at a time (s) into one line.
+    """Convert an overflow inside SciPy's integrator at t (s) into one line.
 
     Raises:
-        SimulationError: SciPy found NaN or infinity; right-hand sides check their own values.
+        SimulationError: SciPy found NaN or infinity.
     """
     try:
         with np.errstate(over="ignore", invalid="ignore"):

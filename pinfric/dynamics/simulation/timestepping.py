@@ -6,18 +6,17 @@ Moreau's midpoint scheme (Moreau 1988; Jean 1999):
 
 where x obeys the friction laws at the *end* of the step: a coordinate sticks if an x within the
 static limits brings it to v' = 0 exactly, else it slips against x. This is the problem of an
-instant with the next velocity in place of the acceleration. The method is of first order, stable
-with friction at any step, and keeps sticking joints exactly at rest. Drag also acts at the end of
-the step (`accelerations._add_drag`), efforts at its middle: those that depend on q need a step
-below 2 / omega of the oscillation that they cause. Steps end where an effort or its slope jumps.
+instant with the next velocity in place of the acceleration. First order; stable with friction at
+any step; sticking joints are exactly at rest. Drag also acts at the end of the step
+(`accelerations._add_drag`), efforts at its middle: those that depend on q need a step below 2/omega
+of the oscillation that they cause. Steps end where an effort or its slope jumps.
 
-A step also ends at exactly zero velocity at a turning point where friction could absorb the rest of
-the velocity. This is a stop only if static friction holds the joint at that instant; otherwise the
-motion reverses.
+A step that ends at exactly zero velocity is a stop only if static friction holds the joint at that
+instant; otherwise the motion reverses.
 
-Where self-locking gears in motion leave no acceleration (`friction/gears.py`) a step may still have
-an answer: the rotor stops with a jump. How fast all else then moves depends on the damping of the
-shafts, so such a step is refused as such an instant is.
+Where self-locking gears in motion leave no acceleration (`friction/gears.py`) a step may have an
+answer, in which the rotor stops with a jump. It is refused, too: what moves then depends on the
+damping of the shafts.
 """
 
 from __future__ import annotations
@@ -41,16 +40,16 @@ _JUMP = 2.0
 def step_through(
     system: System, settings: Settings, record: Recorder, q: np.ndarray, v: np.ndarray
 ) -> None:
-    """Step from t = 0 to the end; the record holds what happens.
+    """Step from t = 0 to the end into the record.
 
     Args:
-        system, settings, record: of this simulation; `dt` is shortened to divide each
-            piece between breakpoints.
+        system, settings, record: of this simulation; `dt` is shortened to divide each piece between
+            breakpoints.
         q, v: (nq,), (nv,) at the start.
 
     Raises:
-        NoConsistentAcceleration: a step has no solution (friction so large that it jams).
-        GearJam: self-locking gears in motion leave no acceleration, or no stable one.
+        NoConsistentAcceleration: a step has no solution: it jams.
+        GearJam: see the module.
     """
     ws, model = system.ws, system.ws.scene.loaded_model()
     try:
@@ -102,14 +101,14 @@ def _at_instant(
     state: tuple[np.ndarray, np.ndarray],
     rates: np.ndarray,
 ) -> tuple[Modes, np.ndarray]:
-    """Return the modes of a step's instant, and what may be at rest at its end (nc,) bool.
+    """Return the modes of a step's instant, and which coordinates may rest at its end (nc,).
 
     Args:
-        t, dt, state: the step's start and length (s), the state of which it is assembled.
+        t, dt, state: the step's start and length (s), the state at which it is assembled.
         rates: (nc,) relative velocities.
 
     Raises:
-        GearJam: gears in motion leave no acceleration, or no stable one.
+        GearJam: see the module.
     """
     ws, (q, v) = system.ws, state
     try:
@@ -129,12 +128,12 @@ def _begin_with_a_step(
     state: tuple[np.ndarray, np.ndarray],
     problem: AccelerationError,
 ) -> np.ndarray:
-    """Record t = 0 where there is no acceleration, or several; return v, see `begin`.
+    """Record t = 0 where there is no acceleration, or several, with the first step's friction.
 
-    A step needs none: friction is what it is at the end of the first step.
+    Returns v, see `begin`.
 
     Raises:
-        AccelerationError: the problem, where a step has no solution either, or a gear jams.
+        AccelerationError: `problem`, where a step has no solution either, or a gear jams.
     """
     ws, q = system.ws, state[0]
     many, stable = ws.count.many
@@ -155,7 +154,7 @@ def _begin_with_a_step(
 
 
 def _steps(system: System, settings: Settings) -> Iterator[tuple[float, float, float]]:
-    """Yield start, end and length (s) of the steps; none contains a breakpoint."""
+    """Yield start, end and length (s) of the steps between breakpoints."""
     for first, last, _ in system.pieces(settings.t_end):
         steps = max(1, int(np.ceil((last - first) / settings.dt - 1e-9)))
         dt = (last - first) / steps
@@ -173,7 +172,7 @@ def _between(
 def _solve_step(
     ws: Workspace, rates: np.ndarray, before: Modes, rests: np.ndarray
 ) -> SearchOutcome:
-    """Find the modes at the end of a step, from those before it, of what may be at rest (nc,)."""
+    """Find the modes at a step's end, from those before it; `rests` (nc,): what may rest."""
     modes, dry = ws.modes, ws.plan.coordinates.dry
     modes.at_rest[:] = rests
     modes.stuck[:] = before.stuck
@@ -183,12 +182,7 @@ def _solve_step(
 
 
 def _hold_or_turn(system: System, t: float, q: np.ndarray, v: np.ndarray, before: Modes) -> None:
-    """Let coordinates that a step brought to rest stick only if static friction holds them.
-
-    Args:
-        t, q, v: the step's end.
-        before: the modes before the step.
-    """
+    """Let what a step brought to rest stick only if static friction holds it at the step's end."""
     ws = system.ws
     stopped = ws.modes.copy()
     ws.modes.at_rest[:] = ws.modes.stuck
