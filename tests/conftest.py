@@ -82,7 +82,7 @@ def pytest_collection_modifyitems(items):
 
 
 def pytest_collection_finish():
-    """Tests are of compiled kernels; what is interpreted has its own (`test_interpreted.py`)."""
+    """Let tests use compiled kernels; interpreted ones have their own (`test_interpreted.py`)."""
     interpreted.PATIENCE = 0.0
 
 
@@ -100,7 +100,7 @@ def pytest_xdist_make_scheduler(config, log):
 
 @pytest.fixture(autouse=True)
 def proved_states(request, monkeypatch):
-    """The judge with states proved by intervals where inverse dynamics is tested."""
+    """Let the judge prove states by intervals where inverse dynamics is tested."""
     folder, file = request.path.parent.name, request.path.name
     if folder in ("inverse", "judges") and file != "test_verdict.py":
         monkeypatch.setattr(verdict, "find_states", enumerate_states)

@@ -1,4 +1,4 @@
-"""A starting scene for any URDF: loads, runs, says what is guessed."""
+"""A starting scene for any URDF: it loads, runs, and lists its guesses."""
 
 import hashlib
 import re
@@ -401,7 +401,7 @@ def chain(folder, *joints, body=BODY):
 
 
 def first_motion(urdf, folder):
-    """The trajectory that `new` writes; loading refuses what goes beyond a limit."""
+    """The trajectory of `new`; loading refuses what exceeds a limit."""
     scene_file, way_file = write_new(urdf, folder / "out")
     return pf.load_trajectory(way_file, pf.load_scene(scene_file))
 

@@ -1,4 +1,4 @@
-"""What compares printed text sees a word, a count and a figure that are others."""
+"""The comparison of printed text notices another word, count or figure."""
 
 import pytest
 import yaml

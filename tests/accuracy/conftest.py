@@ -1,4 +1,4 @@
-"""What several files look at, made once per process."""
+"""Fixtures shared by several files, made once per process."""
 
 import pytest
 from accuracy_cases import studied_pendulum

@@ -1,4 +1,4 @@
-"""`pinfric check`: wrong units of good robots are found and named, good robots stay quiet."""
+"""`pinfric check`: wrong units are found and named, good robots cause no finding."""
 
 import re
 import warnings
@@ -213,7 +213,7 @@ def test_new_writes_the_urdfs_ratios_and_dynamics_and_lists_doubts_once(tmp_path
 
 
 def test_limits_that_are_infinite_are_no_finding(tmp_path):
-    """Revolute and sliding; before, Pinocchio refused the file."""
+    """Revolute and sliding; Pinocchio alone refuses the file."""
     file = arm(tmp_path, low="-inf", high="inf")
     file.write_text(file.read_text().replace('type="revolute"', 'type="prismatic"', 1))
     assert [f for f in pf.check(file).findings if "range" in f.kind] == []

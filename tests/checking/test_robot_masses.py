@@ -1,4 +1,4 @@
-"""What is implausible about a robot's masses and limits as a whole, by deliberate faults."""
+"""Implausible masses and limits of a robot as a whole, by deliberate faults."""
 
 import itertools
 import xml.etree.ElementTree as ElementTree

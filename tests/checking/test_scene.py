@@ -74,7 +74,7 @@ def test_inverse_says_what_makes_efforts_wrong_by_a_multiple(
 
 
 def test_one_link_a_thousand_times_too_heavy_is_asked_about():
-    """`inverse` and `size` ask it, too; no bundled robot is asked."""
+    """`inverse` and `size` ask, too; of bundled robots nothing is asked."""
     model = pf.load_scene("three_link").model.copy()
     assert not [x for x in load_findings(pf.Scene(model)) if x.kind == "one heavy link"]
     body = model.inertias[2].copy()

@@ -1,4 +1,4 @@
-"""Links and robots that are checked."""
+"""Checks of links and robots."""
 
 import numpy as np
 import pytest
@@ -30,7 +30,7 @@ def test_boxes_know_distances():
     ("shape", "severity"), [("0.05 0.05 0.4", "WARNING"), ("1e-3 " * 3, "NOTE")]
 )
 def test_a_link_with_shapes_should_have_a_mass(tmp_path, shape, severity):
-    """Without one it is a frame between two joints; its weight would be missing silently."""
+    """Without one it is a frame between two joints, and its weight is missing silently."""
     file = arm(tmp_path)
     rod = f'<inertial><origin xyz="0 0 0.2"/><mass value="2"/>{J}</inertial>'
     text = file.read_text()
@@ -52,7 +52,7 @@ def test_centre_of_mass_against_the_link_itself(tmp_path):
 
 
 def test_a_last_link_without_shapes_may_be_longer_than_the_rest(tmp_path):
-    """Of one rod on a short stand the URDF tells no length: 0.1 m says nothing of 0.25 m."""
+    """The URDF of one rod on a short stand tells no length: 0.1 m says nothing of 0.25 m."""
     file = tmp_path / "rod.urdf"
     for stand in (0.0, 0.1):
         file.write_text(f"""<robot name="r"><link name="base"/>

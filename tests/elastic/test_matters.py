@@ -58,7 +58,7 @@ def test_explain_says_it_only_of_elastic_scenes(capsys):
 
 
 def test_explain_says_whose_wind_up_the_controller_corrects():
-    """Sag and range were 0 without a word."""
+    """Sag and range had been 0 without a word."""
     scene, motion = example("ur10_machine_tending")
     at_joint = [a.model_copy(update={"encoder": "joint"}) for a in scene.actuators]
     for given, names in ((scene, ()), (scene.with_(actuators=at_joint), scene.actuator_names)):

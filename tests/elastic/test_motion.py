@@ -47,7 +47,7 @@ def planar_arm(friction: dict | None = None, **more: object) -> pf.Scene:
 
 
 def stand(scene: pf.Scene, q: np.ndarray, way: np.ndarray | None = None) -> pf.InverseResult:
-    """A short way that ends at q, and a stand there."""
+    """A short way that ends at q, and a hold there."""
     way = np.zeros(scene.model.nv) if way is None else way
     t = np.arange(6) * 0.01
     v = np.zeros((6, scene.model.nv))
@@ -207,7 +207,7 @@ def test_a_four_bar_with_an_elastic_crank():
 
 
 def test_loops_keep_the_place_that_their_approach_left():
-    """Of a four-bar and of a delta robot: inside the interval, on its own side of the middle."""
+    """A four-bar and a delta robot: inside the interval, on its own side of the middle."""
     for name, tool in (("four_bar", "coupler"), ("delta", "platform")):
         scene, motion = example(name)
         drives = [
@@ -294,10 +294,10 @@ def twist(delta: np.ndarray) -> np.ndarray:
 
 
 def histories(n: int, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Motors on n random ways, then standing: their last angles, and where the links come to rest.
+    """Motors on n random ways, then at rest: their last angles, and where the links come to rest.
 
-    Semi-implicit steps of q; friction of both joints by Gauss and Seidel, up to its static limit
-    where a joint stands.
+    Semi-implicit steps of q; friction of both joints by Gauss and Seidel, up to its static limit at
+    rest.
     """
     rng = np.random.default_rng(seed)
     dt, moving, whole = 4e-4, 1.0, 2.2

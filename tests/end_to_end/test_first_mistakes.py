@@ -1,6 +1,6 @@
-"""What people get wrong in their first hour: one line each, which says what to do.
+"""Typical mistakes of the first hour: one line each, with what to do.
 
-Mistakes whose messages the tests of a module have are not here again.
+Messages that a module's own tests have are not repeated.
 """
 
 import re

@@ -1,4 +1,4 @@
-"""The fuzzer's short run, and that it sees what it looks for (`python tools/fuzz.py`: long)."""
+"""The fuzzer's short run, and that it notices faults (`python tools/fuzz.py`: long)."""
 
 import os
 
@@ -78,7 +78,7 @@ def test_a_case_depends_on_its_seed_alone():
 
 
 def test_a_base_that_is_refused_is_said():
-    """Before, an unmutated log was refused: no mutation of logs was ever read."""
+    """Before, an unmutated log was refused, so that no mutation of logs was ever read."""
     maker = fuzz.Maker()
     read = {case.arguments[2] for case in maker.bases() if case.arguments[0] == "inverse"}
     assert read >= {f"motion.{ending}" for ending in fuzz.LOGS}

@@ -130,7 +130,7 @@ def test_a_term_is_a_ctrl_c(tmp_path):
 
 @pytest.mark.slow
 def test_processes_end_with_the_one_that_started_them(tmp_path):
-    """Also where it could not tell them."""
+    """Also if that could not tell them."""
     process = begin("two processes", tmp_path)
     wait_for(process, lambda: len(workers(process.pid)) >= 2)
     below = children(process.pid)
@@ -180,7 +180,7 @@ def handlers():
 
 @pytest.mark.usefixtures("handlers")
 def test_ctrl_c_where_the_compiler_calls_back_is_kept_until_it_returns():
-    """There an exception is printed and lost; the compiler then fails for want of its answer."""
+    """There an exception is printed and lost, and the compiler fails without its answer."""
     left = []
     text = "until = now() + 0.2\nwhile now() < until: pass\nleft.append(True)"
     code = compile(text, os.sep + os.path.join("llvmlite", "binding.py"), "exec")

@@ -1,4 +1,4 @@
-"""What the commands say of a log: on stderr, in tables, in JSON, in the figure."""
+"""Reports of a log by the commands: on stderr, in tables, in JSON, in the figure."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""What is chosen for whole machines with the bundled catalogue, beside the machines themselves."""
+"""Choices for whole machines with the bundled catalogue, beside the machines themselves."""
 
 import numpy as np
 import pytest
@@ -19,7 +19,7 @@ SERIES = [36, 70, 107, 204, 433, 738, 982, 1274, 2067, 2990]
 @pytest.mark.slow
 @pytest.mark.parametrize("name", OWN)
 def test_arms_are_moved_by_strain_wave_gears_of_the_size_of_their_own(name):
-    """The cycle stays below what the joints give; half of the gears are within a size of their own.
+    """The cycle stays below the joints' torques; half of the gears are within a size of their own.
 
     Sizes are those of a strain wave gear's series by its printed repeated peaks, each 1.3 to 2.1
     times the one before.

@@ -1,4 +1,4 @@
-"""Which ports pinfric opens: who reaches one of them from another machine is not a user.
+"""Open ports of pinfric: who reaches one from another machine is not a user.
 
 The kernel's own tables are read (`ss` is not everywhere), for this process and all its descendants.
 """

@@ -66,7 +66,7 @@ catalog table.csv --out  table.columns.yaml table.csv
 
 @pytest.fixture
 def files(tmp_path, monkeypatch):
-    """The folder of all files; no command comes so far as to have a result."""
+    """The folder of all files; no command gets as far as a result."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(cli, "answer", lambda *_, **__: pytest.fail("it has computed"))
     for name, content in FILES.items():
@@ -189,7 +189,7 @@ for line in sys.stdin.read().split("\\n"):
 
 @pytest.mark.slow
 def test_every_file_that_is_opened_is_noted(whole):
-    """Judge: what Python itself says of the files that it opens."""
+    """Judge: Python's own audit of opened files."""
     ended = subprocess.run(
         [sys.executable, "-c", WATCH], input=COMMANDS.strip(), capture_output=True, text=True
     )
@@ -200,7 +200,7 @@ def test_every_file_that_is_opened_is_noted(whole):
 
 @pytest.mark.slow
 def test_a_full_disk_a_pipe_links_and_odd_names(whole, capfd):
-    """Judge: the files afterwards; each refusal is one line, and what can be written is."""
+    """Judge: the files afterwards; each refusal is one line, all other results are written."""
     given = "export", "arm.yaml", "--to", "mjcf", "--out"
     said = refused(capfd, *given, "/dev/full")
     assert "/dev/full: cannot be written: No space left on device" in said

@@ -1,4 +1,4 @@
-"""A replay's page in a real browser: what it draws at which time, and what its controls do."""
+"""A replay's page in a real browser: what it draws at which time, and its controls."""
 
 import io
 import json
@@ -57,7 +57,7 @@ window.own_clock = () => {
 
 @pytest.fixture(scope="module")
 def opened(tmp_path_factory):
-    """What opens a file: the browser with its page, ready to be asked."""
+    """Opens a file: the browser with its page, ready for questions."""
     webdriver = pytest.importorskip("selenium.webdriver", reason="pip install selenium")
     from selenium.webdriver.chrome.service import Service
 

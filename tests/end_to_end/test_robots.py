@@ -317,7 +317,7 @@ def test_a_motion_beyond_the_measured_speeds_is_warned_of():
 
 
 def test_what_is_computed_beside_a_motion_warns_no_second_time():
-    """Of a log's noise the motion is computed again, a little faster; of C++ at some states."""
+    """A log's motion is computed again, a little faster, for its noise; C++ at some states."""
     scene, t = pf.load_scene("ur10e"), np.arange(0.0, 4.0, 0.01)
     q = 1e-4 * np.round(1e4 * 0.5 * np.sin(3.0 * t))[:, None] * np.ones(6)
     motion = pf.load_trajectory(pf.Log(t, q, np.zeros_like(q)), scene)

@@ -1,4 +1,4 @@
-"""The header as a controller's programmer meets it: names, arguments, what is refused."""
+"""The header as its user meets it: names, arguments, refusals."""
 
 import os
 import re
@@ -69,7 +69,7 @@ int main() { std::printf("%.17g %.17g", left(), right()); }
 
 
 def included(folder, scene, bounds=None):
-    """The line that includes the scene's header, which is written."""
+    """The `#include` of the scene's header, which is written."""
     name = header_name(scene.source)
     (folder / f"{name}.hpp").write_text(header(scene, bounds=bounds))
     return f'#include "{name}.hpp"\nusing namespace {name};\n'
@@ -196,7 +196,7 @@ def test_what_is_easily_forgotten_does_not_compile(tmp_path, line, complaint):
 @pytest.mark.slow
 @needs_compiler
 def test_in_place_and_by_containers(tmp_path):
-    """A result where a number of the state stands; arrays, vectors, pointers; wrong lengths."""
+    """The result may overwrite the state; arrays, vectors, pointers; wrong lengths."""
     scene = RICH[7]
     nv = scene.model.nv
     (tmp_path / "use.cpp").write_text(
@@ -262,7 +262,7 @@ def test_options_that_could_do_nothing_are_refused(headers, options, given):
 @pytest.mark.parametrize("place", ["q", "v", "a", "v_ref", "error", "v_now"])
 @pytest.mark.parametrize("wrong", [1e15, -1e200, 90.0])
 def test_what_no_robot_has_is_refused(headers, place, wrong):
-    """Degrees are seen where they are beyond what the joint's limits let."""
+    """Degrees are noticed where they exceed the joint's limits."""
     if wrong == 90.0 and place in ("a", "error"):
         pytest.skip("an acceleration or an error of 90 may be")
     scene = pf.load_scene("ur10_machine_tending")
@@ -279,7 +279,7 @@ def test_what_no_robot_has_is_refused(headers, place, wrong):
 
 
 def test_efforts_have_the_same_names_and_figures_in_both_languages():
-    """`effort` after the gear, `joint_effort` what a command contains; ends of a negative ratio."""
+    """`effort` after the gear, `joint_effort` a command's content; ends of a negative ratio."""
     fields = re.search(r"struct InverseInstant \{(.*?)\n\};", template("compensator.hpp"), re.S)
     named = set(re.findall(r"(\w+)\[Robot::", fields[1]))
     assert named == {n for n in dir(InverseInstant) if n[0] != "_"} - {
@@ -302,7 +302,7 @@ def test_efforts_have_the_same_names_and_figures_in_both_languages():
 
 
 def test_joint_effort_is_the_motors_torque_seen_from_the_joint(headers):
-    """Rigid body, rotors, friction: a controller that leaves out the rotors misses r^2 J a."""
+    """Rigid body, rotors, friction: a controller without the rotors misses r^2 J a."""
     scene = pf.load_scene("ur10_machine_tending")
     q, _, a = sampled(scene, 3)
     v = np.random.default_rng(3).choice([-1.0, 1.0], a.shape) * 0.5
@@ -359,7 +359,7 @@ def test_a_scale_that_drives_is_refused_at_a_measured_velocity(tmp_path):
 
 
 def test_the_limit_of_joint_effort_covers_the_rigid_body(headers):
-    """What `limit` lets through of a wrong load stops there, at the shafts, too."""
+    """What `limit` passes of a wrong load stops there, at the shafts, too."""
     scene = RICH[0]
     q, v, a = sampled(scene, 13, 100)
     free = headers.ask(scene, q, v, a)
@@ -373,7 +373,7 @@ def test_the_limit_of_joint_effort_covers_the_rigid_body(headers):
 
 
 def test_limits_of_joint_effort_are_the_robots():
-    """Of a joint that states none: 1.5 times what the motion takes."""
+    """Of a joint without one: 1.5 times what the motion takes."""
     scene = pf.load_scene("ur10_machine_tending")
     model = scene.model.copy()
     model.effortLimit[4] = np.inf

@@ -26,7 +26,7 @@ def test_what_is_constant_comes_back():
 
 
 def test_no_constant_is_negative_and_none_fits_better():
-    """Friction that falls with the speed asks for a negative damping."""
+    """Friction that falls with the speed would fit a negative damping."""
     stribeck = dry(5.0, 1.0, stribeck={"velocity": 0.7})
     scene = sliding_block(stribeck)
     motion = moved(scene)

@@ -1,4 +1,4 @@
-"""The controller's limits, its written test, how far friction is known."""
+"""The controller's limits, its written test, how well friction is known."""
 
 import re
 import subprocess

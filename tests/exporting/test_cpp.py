@@ -1,4 +1,4 @@
-"""The C++ compensator, compiled: it is inverse dynamics, passive, and refused by name."""
+"""The C++ compensator, compiled: it is inverse dynamics, passive, and refuses by name."""
 
 import subprocess
 
@@ -161,8 +161,8 @@ def test_payloads_that_cannot_be_are_refused_and_change_nothing(headers, payload
 def judge_passive(headers, scene, options, states=40):
     """The most power (W) beyond what friction takes at each velocity; and the largest compensation.
 
-    What friction takes is the model's own, from inverse dynamics at the same velocity: the motor's
-    torque in motion less what it gives without friction, at any speed.
+    Friction's share is the model's own, from inverse dynamics at the same velocity: the motor's
+    torque in motion less that without friction, at any speed.
     """
     rng, nv = np.random.default_rng(9), scene.model.nv
     q, v, a = sampled(scene, 8, states)
@@ -187,7 +187,7 @@ PASSIVE = [
 
 @pytest.mark.parametrize("scene", [*RICH, worm()], ids=lambda scene: scene.source)
 def test_a_measured_velocity_has_a_call_and_a_scale_of_its_own(headers, scene):
-    """By default 0.8 of what the same velocity takes if desired, whatever `scale` says."""
+    """By default 0.8 of the value at the same desired velocity, whatever `scale` is."""
     q, v, a = sampled(scene, 16, 20)
     whole = CompensationOptions()
     found = headers.ask(scene, q, v, a, v_now=-v, options=CompensationOptions(scale=0.3))
@@ -248,7 +248,7 @@ def test_it_is_continuous_in_the_velocity(headers, scene):
 
 
 def test_power_is_watched(headers):
-    """Somebody pushes against the desired direction: no more than friction takes, and P0."""
+    """A push against the desired direction: no more power than friction takes, and P0."""
     for scene in (RICH[0], RICH[1], RICH[6]):
         q, v, a = sampled(scene, 12, 200)
         v_ref, v_now = np.sign(v + 1e-9), np.random.default_rng(1).normal(size=v.shape)
@@ -337,7 +337,7 @@ def test_an_option_that_is_none_gives_false_and_zeros(headers, monkeypatch, wron
 
 @needs_compiler
 def test_it_calls_nothing_but_mathematics(tmp_path):
-    """No allocation, no exception, no table of virtual functions: what is undefined is libm's."""
+    """No allocation, exception or virtual functions: undefined symbols are libm's."""
     scene = RICH[1]
     name = header_name(scene.source)
     (tmp_path / f"{name}.hpp").write_text(header(scene))

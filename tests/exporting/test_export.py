@@ -1,4 +1,4 @@
-"""Constants by hand, against MuJoCo, and read back; what cannot be exported, by name."""
+"""Constants by hand, against MuJoCo, and read back; refusals by name."""
 
 import json
 import re
@@ -84,7 +84,7 @@ def test_elastic_gears_are_said_to_be_rigid_there():
     ],
 )
 def test_a_file_says_in_its_head_what_its_engines_do_not_do(ur5, to, lines):
-    """With the figure at the joint that has most: damping alone, all of it; the rotor."""
+    """With the largest figure at a joint: damping alone, all of it; the rotor."""
     scene, motion, *_ = ur5
     made = pf.export(scene, motion, to)
     joint = max(made.joints, key=lambda joint: joint.frictionloss)

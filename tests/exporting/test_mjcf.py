@@ -19,7 +19,7 @@ from pinfric.exporting.tree import bodies
 
 
 def mujoco_inverse(text, joints, q, v, a):
-    """What MuJoCo computes of the file: (T, nv) torques, friction and rotors among them."""
+    """MuJoCo's inverse dynamics of the file: (T, nv) torques with friction and rotors."""
     model = mujoco.MjModel.from_xml_string(text)
     data, torque = mujoco.MjData(model), np.empty_like(v)
     order = [int(model.joint(name).dofadr[0]) for name in joints]  # branch by branch in MuJoCo
@@ -31,9 +31,9 @@ def mujoco_inverse(text, joints, q, v, a):
 
 
 def assert_same(found, expected):
-    """Two records are the same where all their figures are; NaN, "not known", is the same as NaN.
+    """All figures of two records are the same; NaN, "not known", is the same as NaN.
 
-    Python's == says so only up to 3.12, and only of one and the same NaN.
+    Python's == does so only up to 3.12, and only for one and the same NaN object.
     """
     for one, other in zip(found, expected, strict=True):
         np.testing.assert_equal(dataclasses.asdict(one), dataclasses.asdict(other))
@@ -100,7 +100,7 @@ def test_mujocos_friction_is_soft_in_the_samples_that_the_file_names():
 
 
 def test_mujoco_has_another_friction_by_default(ur5):
-    """Why the file says how friction is solved: else its constants are not MuJoCo's."""
+    """Why the file sets how friction is solved: else its constants are not MuJoCo's."""
     scene, motion, made, _ = ur5
     soft = re.sub(r'solreffriction="[^"]*" solimpfriction="[^"]*"', "", made.text)
     assert soft != made.text
@@ -112,7 +112,7 @@ def test_mujoco_has_another_friction_by_default(ur5):
 
 @pytest.mark.parametrize("seed", range(4))
 def test_mujoco_has_the_same_robot(seed):
-    """Sliding, turning, continuous joints in any place; constants that are not fitted."""
+    """Sliding, turning, continuous joints anywhere; constants that are not fitted."""
     model = random_tree(seed)
     model.armature = np.linspace(0.0, 0.3, model.nv)
     scene = pf.Scene(model=model)
@@ -231,7 +231,7 @@ def test_followers_accelerate_and_stay_with_their_leader(tmp_path, kind, k, o, f
 
 
 def test_springs_are_stiffness_in_joints_and_tendons_between_links(tmp_path):
-    """MuJoCo's inverse dynamics of the file beside pinfric's, slack and taut, and what is said."""
+    """MuJoCo's inverse dynamics of the file beside pinfric's, slack and taut, and the notes."""
     model = random_tree(3, 5, sliding=0.4)
     for j in range(6):
         model.addBodyFrame(f"link_{j}", j, pin.SE3.Identity(), 0)

@@ -1,4 +1,4 @@
-"""Load-dependent friction inside MuJoCo: against `pf.simulate`, limits, and what is refused."""
+"""Load-dependent friction inside MuJoCo: against `pf.simulate`, limits, refusals."""
 
 from contextlib import nullcontext
 
@@ -65,8 +65,8 @@ def test_it_moves_sticks_and_slips_as_simulate_does(make, most):
 def test_arms_move_as_simulate_does(make, end, fine_end):
     """Ten motions; the bounds are twice what a prototype reached.
 
-    At 1 ms one motion may miss a break-away that the torque only just reaches: with 5 kg, joint 1
-    of the tenth slips from .882 to 1.135 s, at .25 ms too, and sticks at 1 and .5 ms.
+    At 1 ms one motion may miss a break-away that the torque barely reaches: with 5 kg, joint 1 of
+    the tenth slips from .882 to 1.135 s, at .25 ms too, and sticks at 1 and .5 ms.
     """
     errors, missed = compare(make(), 10)
     constants, coarse, fine = np.median(errors, axis=0)
@@ -95,7 +95,7 @@ def test_reactions_are_those_of_inverse_dynamics():
 
 
 def held(scene, share, seconds, dt=1e-3):
-    """Farthest a joint goes (rad) under a share of the limits at rest, and what sticks at last."""
+    """Farthest way of a joint (rad) under a share of the limits at rest, and sticking joints."""
     friction = pf.mujoco_friction(scene, made(scene, dt))
     data, nv = mujoco.MjData(friction.model), scene.model.nv
     q = np.array([0.3, -1.2, 1.5, -0.4, 0.8, 0.1])[:nv]
@@ -341,7 +341,7 @@ HOLDS = {
 
 @pytest.mark.parametrize("kind", HOLDS)
 def test_what_holds_a_link_loads_its_joints(kind):
-    """What passes each joint is the torque on it: what acts on links is no torque of a drive."""
+    """Each joint passes the torque on it: what acts on links is no torque of a drive."""
     more, sites = HOLDS[kind]
     model = tied(more if sites else f"<equality>{more}</equality>", sites)
     friction, data = pf.mujoco_friction(arm(), model), mujoco.MjData(model)
@@ -367,7 +367,7 @@ def test_what_holds_a_link_loads_its_joints(kind):
 
 
 def test_a_robot_may_stand_on_a_cart():
-    """Joints under the base are no concern of its friction."""
+    """Joints under the base do not change its friction."""
     cart = '<worldbody><body><freejoint/><geom size="0.3" mass="50"/>'
     edit = {"<worldbody>": cart, "</worldbody>": "</body></worldbody>"}
     friction = pf.mujoco_friction(arm(), model_of(arm(), **edit))
@@ -449,7 +449,7 @@ def test_coupled_fingers_that_count_are_refused(tmp_path, more):
 
 
 def two_sliders(turned=0.0):
-    """A slider, and another that rubs more, in one MuJoCo model."""
+    """A slider, and one with more friction, in one MuJoCo model."""
     one, other = slider(), slider()
     friction = {"slide": other.friction["slide"].scaled(1.5)}
     other = other.with_(friction=friction, source="other.yaml")
@@ -538,7 +538,7 @@ def test_what_would_change_friction_is_refused_whenever_it_is_set(change, messag
 
 
 def test_a_motion_goes_on_from_what_was_saved_and_begins_anew_after_a_reset():
-    """By state and limits bit by bit; by `start` nearly; a reset leaves nothing of the motion."""
+    """By state and limits bit by bit; by `start` nearly; a reset clears the motion."""
     friction, whole = pf.mujoco_friction(slider(), made(slider(), 1e-3)), []
     model, kind = friction.model, mujoco.mjtState.mjSTATE_INTEGRATION
     torque, state = random_motion(slider(), 3)[1], np.empty(mujoco.mj_stateSize(model, kind))

@@ -1,4 +1,4 @@
-"""The compiled friction that MuJoCo calls: it is that of `step`, in rollouts and threads, too."""
+"""The compiled friction that MuJoCo calls is that of `step`, in rollouts and threads, too."""
 
 import shutil
 from contextlib import nullcontext
@@ -129,7 +129,7 @@ def test_the_callback_is_the_step(case):
 @pytest.mark.slow
 @needs_compiler
 def test_rollouts_in_threads_are_loops():
-    """Whatever data a rollout gets: the one before, of other torques, leaves nothing there."""
+    """Whatever data a rollout gets: an earlier one with other torques leaves nothing there."""
     friction, state, controls = a_motion_of(*CASES["arm"]())
     several = np.array([controls[:300] * share for share in np.linspace(0.5, 1.5, 9)])
     wanted = []

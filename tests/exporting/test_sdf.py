@@ -1,4 +1,4 @@
-"""SDF: read back by its own rules, and by Drake where it is installed."""
+"""SDF: read back by its own rules, and by Drake if it is installed."""
 
 import xml.etree.ElementTree as ElementTree
 

@@ -15,7 +15,7 @@ import pinfric as pf
 
 
 def test_a_urdf_read_back_misses_what_was_stated(tmp_path):
-    """Ideal drives: then the constants are all that differs."""
+    """With ideal drives only the constants differ."""
     base = pf.load_scene("panda_pick_and_place")
     box = {"box": base.payloads["box"].model_copy(update={"attached": True})}
     scene = base.with_(actuators=None, payloads=box)
@@ -44,7 +44,7 @@ def test_a_urdf_read_back_misses_what_was_stated(tmp_path):
 
 @pytest.mark.parametrize("stated", ["", "_other"])
 def test_rotors_stand_in_transmissions_as_drake_reads_them(tmp_path, stated):
-    """In the joint's own transmission where there is one, else in a new one."""
+    """In the joint's own transmission, or in a new one."""
     text = (Path(pf.load_scene("three_link").robot.urdf)).read_text()
     first = pf.load_scene("three_link").joint_names[0]
     own = (

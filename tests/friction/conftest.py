@@ -1,4 +1,4 @@
-"""What several files of this folder use."""
+"""Fixtures shared by several files."""
 
 import numpy as np
 import pytest
@@ -8,8 +8,8 @@ from pinfric.kernels import interpreted
 
 @pytest.fixture
 def interpreted_kernels(monkeypatch):
-    """For tuples of arrays they would be compiled anew, 30 s: forward dynamics takes records.
+    """Interpret kernels: tuples of arrays would compile them anew (30 s).
 
-    That both forms agree is tested in `dynamics/problem/test_instant.py`.
+    Forward dynamics has records; `dynamics/problem/test_instant.py` tests that both agree.
     """
     monkeypatch.setattr(interpreted, "PATIENCE", np.inf)

@@ -18,7 +18,7 @@ def with_forces(rest, contact):
 
 @pytest.mark.parametrize("turns", [False, True])
 def test_a_force_is_below_its_bound_wherever_it_points_into_its_sector(turns):
-    """Forces of a six-bar, which nearly keep their directions, or such that turn all around."""
+    """Forces of a six-bar with nearly constant directions, or such that turn all around."""
     rest, _ = resting_six_bar(0)
     rng, dz = np.random.default_rng(1), rest.N.shape[1]
     if turns:
@@ -74,7 +74,7 @@ def test_a_force_on_a_line_is_its_own_bound():
 
 @pytest.mark.parametrize("side", [0, 1])
 def test_a_limit_on_one_side_only_leaves_the_other_row_empty(side):
-    """Self-locking gears have such limits; what loads the joint counts on the side that has one."""
+    """Self-locking gears have such limits; a joint's load counts on the side with a limit."""
     rest, _ = resting_six_bar(0)
     n, dz, nf = *rest.N.shape, len(rest.owner)
     limits = np.full((2, n), 2.0)

@@ -36,7 +36,7 @@ def test_judge_names_what_is_wrong():
 
 
 def test_what_nothing_acts_on_and_nothing_holds_sticks():
-    """Zero friction is within limits of zero: at rest without loads everything stays at rest."""
+    """Zero friction is within limits of zero: without loads everything stays at rest."""
     p = random_problem(0, nc=2, strength=0.0)
     p.rate_free[:] = p.rate_scale[:] = 0.0
     p.coulomb_slip[:] = p.coulomb_stick[:] = 0.0
@@ -48,7 +48,7 @@ def test_what_nothing_acts_on_and_nothing_holds_sticks():
 
 @pytest.mark.parametrize("seed", range(40))
 def test_sites_of_which_some_hold_without_limit_share_what_one_coordinate_needs(seed):
-    """Each stays within its limits, infinite ones included; together they are what is needed."""
+    """Each stays within its limits, infinite ones included; their sum is what is needed."""
     rng = np.random.default_rng(seed)
     p = empty_problem(
         np.zeros(5, np.int64), rng.choice([-0.7, 1.0, 2.0], 5), np.arange(5), np.zeros(5)

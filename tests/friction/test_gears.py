@@ -73,7 +73,7 @@ class Train:
     def torque(self, t, way):
         """F(t): the torque that arrives at each gear for the effort it delivers.
 
-        A share |way| of its losses where motion is regularized.
+        Regularized motion counts a share |way| of its losses.
         """
         slope = np.where(t * way > 0.0, self.loss, self.back)
         return t + np.abs(way) * (slope - 1.0) * t + way * self.idle

@@ -72,7 +72,7 @@ def test_given_modes_against_scipy(seed):
 
 
 def test_fixed_point_and_newton_both_occur_and_agree():
-    """Weak coupling ends by the fixed point, strong coupling needs Newton; both are verified."""
+    """Weak coupling ends by the fixed point, strong coupling by Newton; both are verified."""
     passes = []
     for strength in (0.001, 0.01, 0.05, 0.1):
         p = random_problem(3, strength=strength)
@@ -96,12 +96,12 @@ def test_a_contact_without_load_has_no_direction_and_no_nan():
 
 
 def as_python(kernel):
-    """A kernel as a Python function, be it compiled or not."""
+    """A kernel as a Python function, compiled or not."""
     return interpreted.plain(kernel) if hasattr(kernel, "py_func") else kernel
 
 
 def solve_as_python(p, direction=1.0, **others):
-    """Friction where all slip, with other functions in place of some; figures; solutions."""
+    """Friction where all slip, with some functions replaced; figures; solutions."""
     function, figures, nc = as_python(coupling.solve_given_modes), np.zeros(2), len(p.rate_free)
     solutions, guess = np.zeros((coupling.MOST_SOLUTIONS, nc)), np.full(nc, np.nan)
     with pytest.MonkeyPatch.context() as patch:
@@ -137,7 +137,7 @@ def test_passes_of_every_start_count(seed, strength):
 @pytest.mark.parametrize("times", [1e-3, 1e9])
 @pytest.mark.parametrize("seed", [129, 220, 568, 628, 647, 1421])
 def test_solutions_grow_with_the_loads(seed, times):
-    """A thousandth or 1e9 times every force: as many solutions, each so many times as large."""
+    """Forces 1e-3 or 1e9 times as large: as many solutions, each in proportion."""
     p, direction = strong_problem(seed, along=1)
     found, _ = solve_as_python(p, direction)
     p.contact[:, 0] *= times
@@ -148,7 +148,7 @@ def test_solutions_grow_with_the_loads(seed, times):
 
 @pytest.mark.parametrize("seed", range(4))
 def test_a_solution_is_refined_to_rounding_only_where_it_is_near(seed):
-    """A part in 1e8 beside the solution is so near; where loads double friction none is."""
+    """A part in 1e8 beside the solution is near enough; where loads double friction none is."""
     p = random_problem(seed, strength=0.05)
     (exact,), _ = solve_as_python(p)
     nz, reduced = coupling.reduce_problem(p, np.zeros(4, bool), np.ones(4), NO_GEARS)

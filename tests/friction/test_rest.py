@@ -1,4 +1,4 @@
-"""Mechanisms at rest: what rests together, how it shares friction, and whether anything moves."""
+"""Mechanisms at rest: which joints rest together, how they share friction, whether any moves."""
 
 from __future__ import annotations
 

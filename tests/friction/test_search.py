@@ -80,7 +80,7 @@ def test_the_search_finds_what_brute_force_finds(seed):
 
 
 def test_the_random_problems_have_every_number_of_slipping_coordinates():
-    """What the test above covers: from all stick to all slip."""
+    """The test above covers all stick to all slip."""
     levels = set()
     for seed in range(40):
         p = random_problem(seed, strength=0.1, static=1 + 0.4 * (seed % 3))
@@ -116,7 +116,7 @@ def test_pivoting_beyond_eight_finds_consistent_modes(seed):
     [(29, 1.2, False), (74, 0.6, False), *((seed, 0.1, True) for seed in range(8))],
 )
 def test_what_is_proved_to_be_the_only_answer_is(seed, strength, proved):
-    """Beside the two most alike problems of 800 that have several: the bound is 1.7 and 1.6."""
+    """Beside the two most similar of 800 problems with several: the bound is 1.7 and 1.6."""
     p, _ = strong_problem(seed, along=1)
     p.mu_slip[:] *= strength
     p.mu_stick[:], p.coulomb_stick[:] = p.mu_slip, p.coulomb_slip
@@ -130,7 +130,7 @@ def test_what_is_proved_to_be_the_only_answer_is(seed, strength, proved):
 
 @pytest.mark.parametrize("seed", range(30))
 def test_the_ball_of_all_answers_leaves_out_none(seed, monkeypatch):
-    """As all modes do, in problems with one and with several answers."""
+    """Against all modes, in problems with one and with several answers."""
     p = random_problem(seed, nc=6, strength=0.02, static=1.4)
     p.rate_free[:] *= 0.4
     ends = []
@@ -145,7 +145,7 @@ def test_the_ball_of_all_answers_leaves_out_none(seed, monkeypatch):
 
 @pytest.mark.parametrize("seed", range(4))  # alone, 1 and 2 would find what is no answer
 def test_what_only_loads_couple_is_searched_together(seed, monkeypatch):
-    """Two pairs: each has a rate of its own; loads depend on both frictions of a pair."""
+    """Two pairs with a rate each; loads depend on both frictions of a pair."""
     monkeypatch.setattr(search, "MOST_ENUMERATED", 2)
     p = random_problem(seed, strength=0.2, static=1.4)
     pair = np.arange(4) // 2
@@ -257,7 +257,7 @@ def test_what_was_sticking_decides_between_equally_few_slipping():
 
 
 def test_a_joint_at_its_dead_centre_moves_on_with_what_moves():
-    """Its rate does not depend on any friction: it does not rest, and there is nothing to try."""
+    """Its rate does not depend on any friction, so it does not rest, and nothing is tried."""
     p, c = random_problem(0, nc=2, strength=0.0), 0.4
     p.coulomb_slip[:] = p.coulomb_stick[:] = c
     A, none = np.array([[1.5, 0.0]]), np.zeros(2, bool)
@@ -293,7 +293,7 @@ def test_a_search_that_runs_out_of_passes_is_followed_to_a_solution_or_undecided
 
 @pytest.mark.parametrize("worth", [(-1, 0), (0, 0)])
 def test_an_answer_that_does_not_come_again_is_none(worth, monkeypatch):
-    """The modes kept are solved again at the end. Whether that gave anything was not asked."""
+    """The kept modes are solved again at the end, and that may fail."""
     p = random_problem(3, nc=2, strength=0.05, static=1.0)  # so few are tried
     m, mechanism = Modes.of(2, 2), a_tree(2)
     m.at_rest[:] = True

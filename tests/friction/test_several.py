@@ -1,4 +1,4 @@
-"""Several solutions: all are found, or the search says that it ended."""
+"""Several solutions: all are found, or the search reports that it ended."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def by_signs(p, direction):
 
 @pytest.mark.parametrize("seed", [*range(12), 129, 220, 568, 628, 647, 1421])
 def test_no_solution_is_left_out_where_forces_lie_on_a_line(seed):
-    """Up to six; each sign of each force is one linear system, all of which are solved."""
+    """Up to six: each sign of each force is one linear system, and all are solved."""
     p, direction = strong_problem(seed, along=1)
     expected = by_signs(p, direction)
     m = Modes.of(2, 2)
@@ -120,7 +120,7 @@ def plane_problem(seed):
 
 @pytest.mark.parametrize("seed", [644, 1039])
 def test_a_second_solution_far_from_the_first_makes_it_ambiguous(seed):
-    """Newton's method from rest, and from far out on every side, comes to one of the two only."""
+    """Newton's method from rest, and from far out on every side, finds only one of the two."""
     p, direction = plane_problem(seed)
     (found, _), m = solved(p, np.zeros(2, bool), direction)
     assert found == 1

@@ -1,4 +1,4 @@
-"""Steps of the search for states of friction, each by itself."""
+"""Steps of the search for states of friction, one by one."""
 
 from __future__ import annotations
 
@@ -115,7 +115,7 @@ def test_use_is_the_least_where_a_search_ends_above_it():
 
 
 def test_a_verdict_says_what_is_proved():
-    """One joint alone has one friction; rates that no friction takes away cannot be held."""
+    """One joint alone has one friction; rates that no friction changes cannot be held."""
     rng = np.random.default_rng(1)
     p, factor = two_that_share(rng)
     for first in (1e-2, 1e2):

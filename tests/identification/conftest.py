@@ -1,4 +1,4 @@
-"""Identified robots that several files look at."""
+"""Identified robots shared by several files."""
 
 import pytest
 from identify_cases import LOGS, identified_arm, identified_ur10, needs_logs

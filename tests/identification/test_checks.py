@@ -159,7 +159,7 @@ def test_robots_whose_efforts_no_log_tells_apart_are_refused():
 
 
 def test_an_unknown_payload_is_no_factor_on_efforts():
-    """Both make joints' efforts larger; a factor is still asked about."""
+    """Both enlarge joints' efforts; a factor is still asked about."""
 
     logs = {case: wrong_log(case, 200, 10.0, 125.0) for case in ("payload", "true")}
 

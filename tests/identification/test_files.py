@@ -1,4 +1,4 @@
-"""Files of an identification run as they are, and are swept row by row."""
+"""Files of an identification run as they are, and can be swept row by row."""
 
 import re
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""What is said, and how wide intervals are, where no candidate law describes a robot."""
+"""Reports and widths of intervals where no candidate law describes a robot."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Notes: what was read, and what the log cannot tell."""
+"""Notes: what was read, and what the log cannot show."""
 
 from dataclasses import replace
 from io import StringIO

@@ -77,7 +77,7 @@ def test_way_points_are_no_log():
 
 
 def test_what_springs_give_is_taken_out_of_a_log():
-    """Of the same motion: less effort by a hose's torque, and the hose in the scene."""
+    """The same motion with less effort by a hose's torque, and the hose in the scene."""
     hose = {"kind": "hose", "name": "hose", "joint": truth().joint_names[1], "torque": 9.0}
     motion = excitation(0, 10.0, 100.0)
     effort = motor_effort(truth(), motion)

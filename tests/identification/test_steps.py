@@ -1,4 +1,4 @@
-"""Steps of identification, each by itself."""
+"""Steps of identification, one by one."""
 
 from __future__ import annotations
 
@@ -271,7 +271,7 @@ def test_coefficients_are_the_least_squares_that_are_not_negative():
 
 @pytest.mark.parametrize(("effort", "column", "most"), [(1e-9, 0.0, 1e12), (1e3, 1e3, 1.0)])
 def test_an_effort_that_is_fitted_exactly_has_a_weight_with_an_end(effort, column, most):
-    """A micro-newton-metre, or a thousandth of the effort: no fit is taken as better."""
+    """A micro-newton-metre, or a thousandth of the effort: no fit counts as better."""
     rows = rows_of(np.full(9, effort), {FORWARD: column})
     of_rows, of_joint = weighted([rows], fit_of({FORWARD: 1.0}))
     assert (of_rows[0] == 1.0).all()

@@ -1,4 +1,4 @@
-"""What logs say of each other, and of friction at rest, against figures worked out by hand."""
+"""Differences between logs, and friction at rest, against figures worked out by hand."""
 
 from __future__ import annotations
 

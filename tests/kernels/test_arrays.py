@@ -1,4 +1,4 @@
-"""Records whose fields say their shapes."""
+"""Records whose fields state their shapes."""
 
 from typing import NamedTuple
 

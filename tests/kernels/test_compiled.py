@@ -1,4 +1,4 @@
-"""Kernels outlive a damaged cache; what compiles is said, what is cached is not."""
+"""Kernels survive a damaged cache; compiling is reported, cached kernels are not compiled."""
 
 import os
 import re
@@ -85,7 +85,7 @@ def python(folder, *arguments):
 
 
 def run(folder):
-    """What a kernel made anew, as in another process, returns, found in the cache, and said."""
+    """(result, cache hits, warnings) of a kernel made anew, as in another process."""
     twice = runpy.run_path(folder / "kernel_of_a_test.py")["twice"]
     with warnings.catch_warnings(record=True) as said:
         warnings.simplefilter("always")
@@ -149,7 +149,7 @@ def test_clones_share_a_cache_and_their_versions_stay_beside_each_other(tmp_path
 
 @pytest.mark.parametrize(("decorator", "count"), [("njit", 4), ("kernel", 1)])
 def test_constants_of_a_type_share_one_kernel(decorator, count, tmp_path, monkeypatch):
-    """Numba compiles what is called for each constant that is handed over, and all below it."""
+    """Numba compiles a callee, and all below it, for each constant argument."""
     monkeypatch.setattr("numba.config.CACHE_DIR", str(tmp_path / "cache"))
     (tmp_path / "constants_of_a_test.py").write_text(CONSTANTS.format(decorator))
     made = runpy.run_path(tmp_path / "constants_of_a_test.py")

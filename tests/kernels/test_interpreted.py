@@ -40,7 +40,7 @@ def power(x, y):
 
 
 def make_scaling(factor):
-    """A kernel that stands nowhere under the name of its function, and reads an outer variable."""
+    """A kernel that no module has under its function's name, and that reads an outer variable."""
 
     @kernel
     def scale(x):

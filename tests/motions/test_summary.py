@@ -36,7 +36,7 @@ MIMIC = """<robot name="fingers">
 
 
 def turntable(joint=None, **scene):
-    """One body whose effort is INERTIA x acceleration: its weight never acts on the drive."""
+    """One body whose effort is INERTIA x acceleration; its weight does not load the drive."""
     body = lump(INERTIA, moment=INERTIA)
     model = chain(("table", joint or pin.JointModelRZ(), body))
     return pf.Scene(model=model, **scene)

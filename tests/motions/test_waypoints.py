@@ -1,5 +1,4 @@
-"""The profiles between way-points, in closed form, and moves too short to sample (files:
-test_trajectory.py)."""
+"""Profiles between way-points, in closed form, and moves too short to sample."""
 
 import numpy as np
 import pytest

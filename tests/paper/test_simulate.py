@@ -175,7 +175,7 @@ def test_reversal_without_sticking_is_one_event():
 
 
 def test_break_away_of_one_joint_takes_another_along():
-    """The reaction jumps where the outer joint of a double pendulum lets go: so does the inner."""
+    """The reaction jumps where the outer joint of a double pendulum slips: so does the inner."""
     bars = tuple(
         Body(name, 1.0, 0.05 * np.eye(3), (x, 0.0, 0.0)) for name, x in (("a", 0.25), ("b", 0.75))
     )

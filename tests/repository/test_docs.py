@@ -1,6 +1,6 @@
-"""The documentation says what there is: public names, and nothing outside the repository.
+"""The documentation agrees with the code: public names, and nothing outside the repository.
 
-`sphinx-build -W` builds the pages (in `.ci/run`); what it cannot know is compared here, without it.
+`sphinx-build -W` builds the pages (in `.ci/run`); the rest is compared here.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ def test_each_section_of_the_theory_says_who_computes_it_and_who_judges_it(page)
 
 @pytest.mark.parametrize("page", ["theory/*", "architecture", "evidence"])
 def test_pages_name_functions_files_and_tests_that_exist(page):
-    """Sphinx says it of functions, in `.ci/run`; what else is named it does not know."""
+    """Sphinx checks functions, in `.ci/run`, but not the rest."""
     text = "".join(file.read_text(encoding="utf-8") for file in PAGES.glob(f"{page}.md"))
     for module, name in re.findall(r"\{py:\w+\}`~?pinfric\.((?:\w+\.)*)(\w+)`", text):
         assert callable(getattr(importlib.import_module(f"pinfric.{module}".rstrip(".")), name))
@@ -216,7 +216,7 @@ BUNDLED = {
 
 @pytest.mark.parametrize("name", FORMATS)
 def test_schemas_accept_what_readers_accept(name):
-    """Every bundled file, and the examples on the format's page; no key that is misspelled."""
+    """Every bundled file, and the examples on the format's page; no misspelled key."""
     schema = json_schema(name)
     judge = jsonschema.Draft202012Validator(schema)
     judge.check_schema(schema)

@@ -71,7 +71,7 @@ ASKS_ITSELF = {("pinfric.sizing.size", "pinfric.sizing.verdict")}
 
 
 def test_no_modules_of_a_room_name_each_other():
-    """Imports for types alone count: who reads one module of a circle has to read all."""
+    """Imports for types alone count: readers of one module of a circle have to read all."""
     every = grimp.build_graph("pinfric", cache_dir=None)
     rooms = {name.split(".")[1] for name in every.modules if "." in name}
     for room in rooms:
@@ -86,7 +86,7 @@ def test_no_modules_of_a_room_name_each_other():
 
 
 def test_of_the_package_as_a_whole_only_the_version_is_imported():
-    """Its public names are functions of all rooms: who imports one imports all rooms."""
+    """Its public names are functions of all rooms: importing one would import all rooms."""
     lines = {
         place["line_contents"]
         for by in graph().find_modules_that_directly_import("pinfric")
@@ -127,7 +127,7 @@ def test_the_judge_of_the_paper_is_independent():
 def patched(tree):
     """What a module writes into others that it imports: `other.name = ...`, `setattr(other, ...)`.
 
-    And modules that are looked up by name.
+    Also into modules that are looked up by name.
     """
     imports = [n for n in ast.walk(tree) if isinstance(n, ast.Import | ast.ImportFrom)]
     modules = {alias.asname or alias.name.split(".")[0] for node in imports for alias in node.names}
@@ -158,7 +158,7 @@ LOOKED_UP = {
 
 @pytest.mark.slow
 def test_no_module_writes_into_another():
-    """So that nothing of a room above comes into one below but through `model/upward.py`."""
+    """So nothing of a higher room enters a lower one but through `model/upward.py`."""
     for name in graph().find_descendants("pinfric") | {"pinfric"}:
         allowed = [*LOOKED_UP.get(name, []), "warnings.showwarning"]
         found = patched(ast.parse(source(name)))
@@ -197,7 +197,7 @@ STEPS = {
 
 @pytest.mark.slow
 def test_nothing_is_loaded_before_it_is_used(tmp_path):
-    """Not even the rest of the package: its public names are there all the same."""
+    """Not even the rest of the package, although its public names are there."""
     tell = "\nimport sys; print(*sys.modules)\n"
     done = subprocess.run(
         [sys.executable, "-c", tell.join([*STEPS, ""])],

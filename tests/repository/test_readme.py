@@ -1,4 +1,4 @@
-"""README and guide say what is true: their commands, examples, names and files."""
+"""README and guide are true: their commands, examples, names and files."""
 
 from __future__ import annotations
 
@@ -79,14 +79,14 @@ def test_python_example_runs():
 
 
 def commands(page):
-    """What a page lets its reader type, without set-up and prompts."""
+    """The commands on a page, without set-up and prompts."""
     joined = re.sub(r"\\\n\s*", "", "\n".join(blocks("bash", page)))
     return [line.split("pinfric ")[1].split() for line in joined.splitlines() if "pinfric " in line]
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
 def test_commands_are_understood(page):
-    """Parsed, not run: `.ci/wheel` runs them where nothing of the repository is."""
+    """Parsed, not run: `.ci/wheel` runs them without the repository."""
     program = typer.main.get_command(cli.app)
     for arguments in commands(page):
         if arguments[0].startswith("--"):
@@ -98,7 +98,7 @@ def test_commands_are_understood(page):
 
 
 def rows_of_commands(page):
-    """Command -> what a page's table says that it gives, without links."""
+    """Command -> its description in a page's table, without links."""
     rows = re.findall(r"^\| (`pinfric .*?) \| (.*) \|$", page.read_text("utf-8"), re.MULTILINE)
     return {command: re.sub(r"\[([^]]+)\]\([^)]*\)", r"\1", text) for command, text in rows}
 

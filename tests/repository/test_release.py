@@ -1,4 +1,4 @@
-"""What strangers meet first is whole: links lead somewhere, one version, workflows that read."""
+"""A release is whole: links lead somewhere, one version, workflows that parse."""
 
 from __future__ import annotations
 

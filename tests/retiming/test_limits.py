@@ -80,7 +80,7 @@ def table_drive(tmp_path, gear=None, motor=None, **conditions):
 
 
 def test_an_amplifiers_continuous_current_is_heat_of_its_own(tmp_path):
-    """Its RMS is used up, and named, where it is less than the motor's continuous torque."""
+    """Its RMS is used up, and named, if it is less than the motor's continuous torque."""
     amplifier = Amplifier(
         source="invented", grade="R", continuous_current=2.0, peak_current=20.0, current="dc"
     )

@@ -18,7 +18,7 @@ def test_stops_that_are_left_at_once_the_other_way():
 
 @pytest.mark.slow
 def test_far_points_that_miss_the_way_are_set_nearer():
-    """A curved path on which a third of the points asked for find no speed at one place."""
+    """A curved path on which a third of the requested points find no speed at one place."""
     points = np.random.default_rng(7).uniform(-1.6, 1.6, (3, 6, 2))[2]
     path = Path.spline(np.arange(6.0), points)
     motors = {"a": {"peak_torque": 0.6, "effort": 30.0}, "b": {"peak_torque": 0.25}}

@@ -1,4 +1,4 @@
-"""Retiming by closed forms, by a phase plane integrated apart, by an optimizer, and by refusals."""
+"""Retiming by closed forms, by an independent phase plane, by an optimizer, and refusals."""
 
 import numpy as np
 import pinocchio as pin
@@ -97,7 +97,7 @@ def test_gear_by_direction():
 
 
 def test_pendulum_whose_pin_feels_its_load():
-    """Against the phase plane of m l^2 a = T - m g l sin(q) - mu r |F|, integrated by itself."""
+    """Against an independent phase plane of m l^2 a = T - m g l sin(q) - mu r |F|."""
     m, length, mu, radius, g, torque = 2.0, 0.5, 0.2, 0.1, 9.81, 14.0
     weight = pin.Inertia(m, np.array([0, 0, -length]), np.zeros((3, 3)))
     friction = {"j": pin_friction(mu, radius)}
@@ -212,7 +212,7 @@ def test_smoothing_costs_its_width_and_stays_on_the_path():
 
 
 def near_rest(scene, points, factor):
-    """A spline, and efforts that are little more than what holds the robot at its hardest place."""
+    """A spline, and efforts a little above what holds the robot at its hardest place."""
     path = Path.spline(np.arange(float(len(points))), points)
     curve = path.pieces[0]
     q = curve(np.linspace(*curve.x[[0, -1]], 300))

@@ -42,7 +42,7 @@ def test_no_other_profile_is_faster():
         return 2.0 * (step / (z[1:] + z[:-1])).sum()
 
     def spare(x):
-        """What is left of each limit just inside both ends of every interval."""
+        """The rest of each limit just inside both ends of every interval."""
         full = np.maximum(np.concatenate(([0.0], x, [0.0])), 0.0)
         u = np.diff(full) / (2.0 * step)
         at = np.concatenate((s[:-1] + 1e-6, s[1:] - 1e-6))
@@ -55,7 +55,7 @@ def test_no_other_profile_is_faster():
         return (1.0 - torque / [0.32, 0.12]).ravel()
 
     def slope(x):
-        """Of `spare`: an interval feels the speeds at its two ends, so three steps tell all."""
+        """Of `spare`: an interval depends on the speeds at its two ends, so three steps suffice."""
         rows = np.repeat(np.tile(np.arange(len(step)), 2), 2)
         base, found = spare(x), np.zeros((len(rows), len(x)))
         for k in range(3):

@@ -52,7 +52,7 @@ def test_guides_on_the_parent():
 
 
 def test_gears_as_makers_give_them():
-    """An efficiency that rises with the load: accelerating it is what it is at that torque."""
+    """An efficiency that rises with the load: in acceleration it is that at the torque."""
     curve = [[2.0, 0.5], [5.0, 0.7], [10.0, 0.8]]
     gear = {
         "ratio": 50.0,

@@ -1,4 +1,4 @@
-"""What an object says of itself is one screen; `plot` and `summary` hold what `--out` writes."""
+"""An object's text is one screen; `plot` and `summary` hold what `--out` writes."""
 
 import doctest
 import pickle

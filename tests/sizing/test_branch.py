@@ -1,4 +1,4 @@
-"""The lightest set that swings fast enough, against an enumeration of all sets."""
+"""The lightest set with a sufficient frequency, against an enumeration of all sets."""
 
 from itertools import product
 

@@ -1,4 +1,4 @@
-"""The choice, against every drive judged one by one; and that it depends on nothing else."""
+"""The choice, against every drive judged one by one, and its independence of all else."""
 
 import json
 import random
@@ -178,7 +178,7 @@ BEST = {
 
 
 def test_what_is_asked_for_would_be_lighter_with_some_figures(arm):
-    """With what it lacks at its best, inertias anything, it fits some joint and is lighter."""
+    """With its missing figures at their best it fits some joint and is lighter."""
     report = sized(arm)
     catalog, lighter = report.catalog, dict[str, bool]()
     whole = {n: g for n, g in catalog.gears.items() if not lacks(kind_of(g), g)}

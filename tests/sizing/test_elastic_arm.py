@@ -1,4 +1,4 @@
-"""Sizing on elastic gears: the safe resonance rule, and what is asked of the whole robot."""
+"""Sizing on elastic gears: the safe resonance rule, and requirements of the whole robot."""
 
 from itertools import product
 
@@ -29,7 +29,7 @@ LINES = {"k1": 1e4, "k2": 1.4e4, "k3": 1.6e4, "t1": 3.9, "t2": 12}
 
 @pytest.fixture(scope="module")
 def arm():
-    """Two vertical axes, one behind the other: no gravity, inertias that are written down."""
+    """Two vertical axes in a chain: no gravity, inertias that are written down."""
     links = [
         ("a", pin.JointModelRZ(), lump(2.0, [0.2, 0, 0], 0.02)),
         (

@@ -1,4 +1,4 @@
-"""What `size --out` writes for the commands that follow."""
+"""Files of `size --out` for the commands that follow."""
 
 import numpy as np
 import yaml

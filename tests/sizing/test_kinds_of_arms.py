@@ -1,4 +1,4 @@
-"""Arms as people build them, with the drives that they build them of: each gets an answer."""
+"""Typical arms with their typical drives: each gets an answer."""
 
 from dataclasses import replace
 

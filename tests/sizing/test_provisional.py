@@ -1,4 +1,4 @@
-"""Provisional drives: what a missing figure must be, against the choice with that figure given."""
+"""Provisional drives: bounds of a missing figure, against the choice with that figure given."""
 
 import re
 from math import pi
@@ -35,7 +35,7 @@ def sized(tmp_path, gear=None, motor=None, **more):
 
 
 def would(report):
-    """Figure -> the numbers of what it must be, of the drive of the only joint."""
+    """Figure -> the numbers in its bound, of the only joint's drive."""
     (joint,) = report.joints
     assert joint.choice is None
     assert joint.nearest is not None
@@ -134,7 +134,7 @@ def test_what_is_not_eligible_is_not_shown(tmp_path, gear, motor):
 
 
 def test_what_fails_beside_a_provisional_drive_is_said_too(tmp_path):
-    """No brake is in the catalogue, and one is demanded."""
+    """A brake is required, and the catalogue has none."""
     path = one_drive(tmp_path, None, {"stiffness": None})
     report = sized_cycle(path, conditions={"holding_brake": "all"}, on_miss="ignore")
     (joint,) = report.verdict.joints
@@ -201,7 +201,7 @@ def test_the_servos_of_the_so101_hold_it_with_pauses():
 
 
 def test_a_banned_drive_is_not_provisional(tmp_path):
-    """Of two alike the other."""
+    """Of two equal drives the other is."""
     gears = {n: GEAR | {"stiffness": None, "mass": m} for n, m in (("G", 0.5), ("H", 0.6))}
     path = write_catalog(tmp_path / "c.yaml", gears=gears)
     (joint,) = sized_cycle(path, on_miss="ignore").joints

@@ -298,7 +298,7 @@ def test_mass_already_in_the_urdf_is_taken_off(tmp_path):
 
 
 def test_an_implausible_link_of_the_urdf_does_not_stop_sizing(tmp_path):
-    """Loading warned of it; that a drive's mass is taken off its link is not to blame."""
+    """Loading warned of it; subtracting a drive's mass from its link is not the cause."""
     scene = arm(2)
     model = scene.model.copy()
     model.inertias[1] = pin.Inertia(1.0, np.array([0.25, 0, 0]), np.diag([0.01, 0.5, 0.01]))
@@ -635,7 +635,7 @@ def test_transmissions_of_the_scene_are_said_to_be_replaced(tmp_path):
 
 
 def test_a_drive_in_a_loop_carries_itself(tmp_path):
-    """It sits on a crank and turns the coupler's pin: its weight is held by its own torque."""
+    """It sits on a crank and turns the coupler's pin: its own torque holds its weight."""
     case = resting_four_bar(5)
     scene = case.scene.with_(actuators=[{"joint": "A"}], masses="without_drives")
     motion = pf.Trajectory.from_arrays(scene, np.linspace(0, 1, 5), case.q, case.v, case.a)

@@ -1,4 +1,4 @@
-"""One verdict: headline, tile, colour, table, signature, bill, JSON and exit code say the same."""
+"""One verdict: headline, tile, colour, table, signature, bill, JSON and exit code agree."""
 
 import re
 from dataclasses import replace
@@ -54,7 +54,7 @@ def sized(tmp_path, brakes=None, **conditions):
 
 
 def assert_said_alike(report, state, line):
-    """Everything that a reader or a program sees of a sizing of one joint says the same."""
+    """All outputs of a sizing of one joint agree."""
     verdict, signed = report.verdict, not line and state == "can be signed"
     fitted = int(state == "can be signed")
     assert (verdict.signed, verdict.fitted) == (signed, fitted)

@@ -1,4 +1,4 @@
-"""One stop: ten worked out by hand, a balance of energy, an arm by an integration of its own."""
+"""One stop: ten worked out by hand, a balance of energy, an arm by independent integration."""
 
 from dataclasses import replace
 

@@ -48,8 +48,8 @@ def three_axes():
 def by_forward_dynamics(scene, carried, q, v, direction, hose):
     """(3,) the largest efforts of one sample, with torques (3,) of hoses.
 
-    Rotors, seen through gears that pass 1/eta_b, are Pinocchio's armature; what rests has so much
-    of it that it does not move.
+    Rotors, seen through gears that pass 1/eta_b, are Pinocchio's armature; joints at rest have so
+    much of it that they do not move.
     """
     model, most = scene.loaded_model(carried), np.zeros(3)
     pushes = np.abs(RATIOS) * BRAKES / BACK

@@ -1,4 +1,4 @@
-"""Worst stops of a cycle: against every sample, by speed and load, and what is refused."""
+"""Worst stops of a cycle: against every sample, by speed and load, and refusals."""
 
 import json
 import re
@@ -416,7 +416,7 @@ def test_the_result_shows_itself(found):
 
 @pytest.mark.slow
 def test_the_guide_prints_what_the_bundled_scene_gives(capsys):
-    """In 80 columns, as a reader sees it who types the line above."""
+    """In 80 columns, as for a reader who types the line above."""
     page = (ROOT / "notebooks/guide/stop.md").read_text(encoding="utf-8")
     typed, printed = re.search(
         r"```bash\npinfric (stop [^\n]*)\n```\n\n```text\n(.*?)```", page, re.S

@@ -1,4 +1,4 @@
-"""What a sweep's file can get wrong is refused by name, all of it at once."""
+"""Errors of a sweep's file are refused by name, all of them at once."""
 
 import re
 from pathlib import Path

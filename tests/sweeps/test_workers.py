@@ -225,7 +225,7 @@ def test_script_without_a_main_guard_runs_on_processes(tmp_path):
 
 @pytest.mark.slow
 def test_classes_and_limits_of_a_script_reach_the_processes(tmp_path):
-    """Both stand in `__main__`, as in a notebook; the processes have pinfric alone."""
+    """Both are in `__main__`, as in a notebook; the processes have pinfric alone."""
     script = tmp_path / "script.py"
     script.write_text(
         textwrap.dedent(f"""

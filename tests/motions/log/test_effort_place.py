@@ -1,4 +1,4 @@
-"""What a log's efforts are: each place against inverse dynamics, and what is said."""
+"""Places of a log's efforts: each against inverse dynamics, and the messages."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""What a log's noise leaves uncertain in the efforts: simulated noise, real robots."""
+"""Uncertainty of efforts due to a log's noise: simulated noise, real robots."""
 
 import numpy as np
 import pinocchio as pin
@@ -146,7 +146,7 @@ def test_motion_above_a_gap_in_the_spectrum_stays_or_is_said(rate, tone, noise, 
 
 @pytest.mark.parametrize("seed", range(4))
 def test_a_peak_does_not_stand_in_the_ends_of_a_log_in_motion(seed, tmp_path):
-    """What a low pass makes of the last samples was up to 50 times as wrong as what is inside."""
+    """A low pass errs up to 50 times as much at the last samples as inside."""
     rng = np.random.default_rng(seed)
     t, parts = np.arange(0, 8, 0.002), [(0.1 / f, f) for f in rng.uniform(0.3, 8.0, 6)]
     motion, uncertain = filtered(t + 7.0 * seed, tones(t, *parts)[0], 3e-5, tmp_path, seed)

@@ -35,7 +35,7 @@ def test_a_recording_of_few_rows_says_that_it_is_not_judged(tmp_path):
 
 @pytest.mark.parametrize("joint", [pin.JointModelRZ, pin.JointModelRUBZ])
 def test_wrapped_angles_take_no_effort(joint, tmp_path):
-    """At constant speed about a vertical axis nothing is needed, also where the angle wraps."""
+    """At constant speed about a vertical axis no effort is needed, also where the angle wraps."""
     model = chain(("wheel", joint(), lump(2.0, moment=0.5)))
     wrapped = np.angle(np.exp(1j * (2.0 + 1.5 * T)))
     motion = load(tmp_path, table(("t", "wheel"), T, wrapped), scene=pf.Scene(model=model))

@@ -1,4 +1,4 @@
-"""Options of reading that cannot be are refused in one line."""
+"""Impossible options of reading are refused in one line."""
 
 import pytest
 from log_cases import NAMES, Q, T, arm, noisy, refused, table

@@ -177,7 +177,7 @@ def test_all_joints_that_stop_at_once_repeat_a_row_in_truth(tmp_path):
 
 
 def test_stamps_beyond_reason_are_refused_in_our_words(tmp_path):
-    """Their distances from a line overflow when squared: NumPy warned (an error in these tests)."""
+    """Their squared distances from a line overflow, of which NumPy warns (an error in tests)."""
     t = np.cumsum(10.0 ** np.linspace(-3, 200, 400))
     t[[5, 6]] = t[[6, 5]]  # backward stamps are compared with regular ones
     message = refused(tmp_path, table(("t", *NAMES), t, Q, form="%.17g"))
@@ -211,7 +211,7 @@ def test_efforts_that_the_joints_own_motion_explains_are_no_spikes(every, rate):
 
 
 def test_the_flanks_of_a_peak_are_no_spikes():
-    """Few rows of a smooth peak are beyond the others: another joint moves the load of this one."""
+    """Few rows of a smooth peak are beyond the others: another joint moves this one's load."""
     peak = 40.0 * np.exp(-(((TIMES - 10.0) / 0.02) ** 2))
     effort = np.sin(TIMES) + peak
     assert mended(effort, 0.0 * TIMES)[0] is effort

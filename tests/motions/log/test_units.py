@@ -1,4 +1,4 @@
-"""Units of a log are recognised by clear evidence; otherwise the choice is put to the person."""
+"""Units of a log are recognised by clear evidence; otherwise the user is asked."""
 
 import re
 
@@ -50,7 +50,7 @@ def test_mixed_angles_are_refused_with_the_choice(tmp_path):
 
 @pytest.mark.parametrize(("what", "header"), [("position", "{}"), ("velocity", "{}.v")])
 def test_numbers_beyond_any_motion_are_refused_before_they_are_asked(tmp_path, what, header):
-    """Their squares and speeds overflow, of which NumPy warns: an error in tests."""
+    """Their squares and speeds overflow, of which NumPy warns (an error in tests)."""
     absurd = Q.copy()
     absurd[::2, 1] = 1e308
     columns = (Q, absurd) if what == "velocity" else (absurd,)

@@ -25,7 +25,7 @@ def test_the_page_shows_every_joint_its_laws_and_what_is_left(found):
 
 @pytest.mark.slow
 def test_the_page_begins_with_what_contradicts_the_result(found):
-    """A signature's first look: the verdict and each doubt stand before the figures."""
+    """The verdict and each doubt come before the figures."""
     pytest.importorskip("jinja2")
     doubt = "the zero of elbow_joint is off by 0.2 rad"
     doubted = replace(found, doubts=(doubt,), notes=(doubt, *found.notes))

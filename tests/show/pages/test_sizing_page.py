@@ -1,4 +1,4 @@
-"""The page to sign: every number of one joint worked out by hand, and what it was made of."""
+"""The page to sign: every number of one joint worked out by hand, and its sources."""
 
 import hashlib
 import re
@@ -178,7 +178,7 @@ def test_the_page_states_the_words_typed_and_every_input(tmp_path, monkeypatch):
     ],
 )
 def test_a_step_that_passes_is_no_tight_margin(name, bus, shown):
-    """Of a nominal voltage that equals the bus nothing is left, and nothing is needed."""
+    """A nominal voltage equal to the bus has no margin, and needs none."""
     cell = _ended(compare(name, 48.0, bus, "V", "", ""))
     assert re.sub("<[^>]*>", "", cell) == shown
     assert ("tight" in cell) == (shown == "0 %")

@@ -17,7 +17,7 @@ from pinfric.show.report.accuracy import accuracy_report
 
 @pytest.fixture(autouse=True)
 def few_settings(monkeypatch, tmp_path):
-    """One or two settings of each method: what is printed is tested here, not what it says."""
+    """One or two settings of each method: the print is tested here, not its content."""
     monkeypatch.setattr(study, "TOLERANCES", (1e-3, 1e-6))
     monkeypatch.setattr(study, "STEPS", (50,))
     monkeypatch.setattr(study, "VELOCITIES", (1e-1,))

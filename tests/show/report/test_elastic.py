@@ -1,4 +1,4 @@
-"""What is printed and drawn of elastic gears, and that nothing is of rigid ones."""
+"""Prints and figures of elastic gears, none of rigid ones."""
 
 import json
 from importlib import import_module
@@ -98,7 +98,7 @@ def test_json_is_json(door):
 
 @pytest.mark.parametrize("moved", ["", f'<inertial><mass value="2"/>{BODY}</inertial>'])
 def test_a_massless_link_behind_a_spring(tmp_path, monkeypatch, capsys, moved):
-    """Efforts, no figure that is none, and what is missing; also where nothing has a mass."""
+    """Efforts, no NaN, and what is missing; also where nothing has a mass."""
     monkeypatch.chdir(tmp_path)
     Path("arm.urdf").write_text(ARM.format(moved))
     Path("arm.yaml").write_text(ELASTIC)

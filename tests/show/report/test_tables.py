@@ -1,4 +1,4 @@
-"""Tables fit the width they are printed at, cut no number, and cut names so that each is one."""
+"""Tables fit their width, cut no number, and cut names so that they stay different."""
 
 import io
 import itertools
@@ -80,7 +80,7 @@ def cells(lines, title):
 
 
 def whole_names(lines, short, names):
-    """The names that a table's names stand for: with what was left out, around the ellipsis."""
+    """The whole names of a table's shortened ones, without the ellipsis."""
     note = next((line for line in lines if line.startswith("left out of each name")), "")
     front = (re.search(r"(\S+)…(?= and|$)", note) or [None, ""])[1]
     back = (re.search(r"…(\S+)$", note) or [None, ""])[1]
