@@ -216,7 +216,7 @@ def full_pivot(A: np.ndarray, scale: float = 0.0) -> tuple[int, list[int]]:
 
 
 def velocity_names(model: pin.Model) -> list[str]:
-    """Return a name for every velocity: its joint's, with an index where a joint has several."""
+    """Return a name for every velocity: its joint's, with an index if the joint has several."""
     names = []
     for name, joint in zip(tuple(model.names)[1:], list(model.joints)[1:], strict=True):
         if joint.nv and joint.shortname() != "JointModelMimic":

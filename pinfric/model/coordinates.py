@@ -15,7 +15,7 @@ def one_number(joint: Any, q: np.ndarray) -> np.ndarray:
 
 
 def from_angles(model: pin.Model, width: int) -> str:
-    """Return a hint on how to make q from one number per joint, "" if q is not wider than v."""
+    """Return a hint on how to make q from one number per joint, "" unless `width` is nv."""
     turning = [n for n, j in zip(model.names, model.joints, strict=True) if (j.nq, j.nv) == (2, 1)]
     if width != model.nv or not turning:
         return ""

@@ -191,7 +191,7 @@ def _unloaded(actuator: Actuator) -> Actuator:
 
 
 def _lossless(actuator: Actuator) -> Actuator:
-    """The actuator without losses; motor torques can be compared because it keeps its ratio."""
+    """The actuator with its ratio alone, which keeps motor torques comparable."""
     gear = actuator.transmission
     if gear is None or (
         _unloaded(actuator) == actuator

@@ -68,7 +68,7 @@ class Robot:
 
     @property
     def gears(self) -> dict[str, float]:
-        """Joint of the model -> its reduction, for gears: finite, neither 0 nor 1."""
+        """Joint of the model -> its reduction, for gears: finite, in magnitude neither 0 nor 1."""
         return {
             name: ratio
             for name, ratio in self.reductions.items()
@@ -347,7 +347,7 @@ def _inertial(inertia: pin.Inertia) -> ElementTree.Element:
 
 
 def payload_inertia(payload: Payload) -> pin.Inertia:
-    """Return a payload as Pinocchio's inertia: mass, com, and inertia about the com, link axes."""
+    """Return a payload as Pinocchio's inertia, in the link's axes."""
     return pin.Inertia(payload.mass, np.array(payload.com), inertia_matrix(payload))
 
 

@@ -145,14 +145,13 @@ class Scene:
             order of `actuator_names`, which may differ from that of this list.
         payloads: name -> payload; those with `attached` are carried unless a trajectory differs.
         stick_velocity: default of all sites (rad/s or m/s).
-        robot: the URDF, for meshes; None for a model made in Python.
+        robot: the URDF as read; None for a model made in Python.
         simulation: input of `pinfric simulate`.
         source: the file's name, for messages.
         loops: joints that close loops, as `Loop` or as the mappings of a scene file.
         redundancy_length: l (m): where reactions are not unique, the sum over all joints of |F|^2 +
             |M/l|^2 is minimized.
-        loop_tolerance: largest errors of parallel or perpendicular axes along loops, and of the
-            loops' frames, that are corrected (`alignment`).
+        loop_tolerance: largest errors of axes and frames of loops that are corrected (`alignment`).
         tool: link whose frame is the tool's, for its position error due to elastic gears.
         masses: "with_drives" or "without_drives": whether the links' masses hold the drives; or by
             drive, and for `others`; None: not known.
@@ -585,7 +584,7 @@ class Scene:
             independent: names of joints that stay where the guess has them; None lets all move.
 
         Raises:
-            SceneError: an unknown joint. StateError: not real numbers.
+            SceneError: an unknown joint, or a wrong shape. StateError: not real numbers.
             ClosureError: it cannot close; gives the remaining distance of the frames.
         """
         held = np.zeros(self.model.nv, dtype=bool)

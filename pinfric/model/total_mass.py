@@ -54,7 +54,7 @@ class MassDoubt:
 
 
 def doubted_mass(model: pin.Model) -> MassDoubt | None:
-    """Return why the mass of a robot with its payloads is doubted as a whole; None: it is not."""
+    """Return why a robot's mass as a whole is doubted; None: it is not."""
     masses = [body.mass for body in model.inertias]
     moving, way = float(sum(masses[1:])), way_along_joints(model)
     total = moving + masses[0]
@@ -62,7 +62,7 @@ def doubted_mass(model: pin.Model) -> MassDoubt | None:
 
 
 def doubted_reach(reach: float) -> MassDoubt | None:
-    """Return why lengths, and with them every mass, are doubted; None: they are not.
+    """Return why lengths, and so all masses, are doubted; None: they are not.
 
     `reach` is in m along the joints.
     """

@@ -152,7 +152,7 @@ class MakersEfficiency(Entry):
 
 
 def _with_losses(efficiency: float, factor: float) -> float:
-    """Return an efficiency with the loss 1/efficiency - 1 times a factor."""
+    """An efficiency with its loss, 1/efficiency - 1, times a factor."""
     return 1.0 / (1.0 + factor * (1.0 / efficiency - 1.0))
 
 

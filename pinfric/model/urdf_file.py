@@ -88,7 +88,7 @@ def _parsed(urdf: Path) -> ElementTree.Element:
 
 
 def _is_xacro(root: ElementTree.Element) -> bool:
-    """Whether anything is left to expand: expanded files still declare the namespace."""
+    """Whether anything is left to expand; expanded files still declare the namespace."""
     for element in root.iter():
         if isinstance(element.tag, str) and _TAG.match(element.tag):
             return True
@@ -98,7 +98,7 @@ def _is_xacro(root: ElementTree.Element) -> bool:
 
 
 def _without_xacro(root: ElementTree.Element) -> bool:
-    """Remove the tags of xacro; return whether only mesh files still depend on expressions."""
+    """Remove xacro's tags, resolve `$(find ...)` of meshes; return whether that was all."""
     for element in list(root.iter()):
         for inner in list(element):
             if isinstance(inner.tag, str) and _TAG.match(inner.tag):
