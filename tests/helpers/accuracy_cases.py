@@ -1,4 +1,4 @@
-"""What the tests of accuracy share."""
+"""Shared by tests of accuracy."""
 
 from functools import cache
 

@@ -1,4 +1,4 @@
-"""Small models that several tests share, built in Python so that every number is in sight."""
+"""Small models, built in Python so that every number is in sight."""
 
 import itertools
 from collections.abc import Iterable
@@ -16,7 +16,7 @@ _SLIDING = [pin.JointModelPX, pin.JointModelPY, pin.JointModelPZ]
 def example(
     name: object, motion: object = None, **changes: object
 ) -> tuple[pf.Scene, pf.Trajectory]:
-    """A scene that comes with pinfric, changed, and its motion or another one."""
+    """A bundled scene, changed, and its motion or another one."""
     scene = pf.load_scene(name).with_(**changes) if changes else pf.load_scene(name)
     return scene, pf.load_trajectory(motion or name, scene)
 
@@ -149,15 +149,15 @@ def lump(mass: float, place: object = (0.0, 0.0, 0.0), moment: float = 0.01) -> 
 
 
 def dry(static: float, kinetic: float | None = None, **more: object) -> dict:
-    """Friction entry of a joint without load; kinetic as static where it is not given."""
+    """Friction entry of a joint without load; kinetic as static by default."""
     kinetic = static if kinetic is None else kinetic
     return {"coulomb": {"static": static, "kinetic": kinetic}, **more}
 
 
 def chain(*links: tuple, gravity: float = 9.81, beside: bool = False) -> pin.Model:
-    """A model of joints one behind the other: name, joint, body, (3,) m from the one before.
+    """A chain of joints: name, joint, body, (3,) m from the one before; without limits.
 
-    Body and place may be left out; without limits. Or all of them beside each other, on the ground.
+    Body and place may be left out. Or all of them beside each other, on the ground.
     """
     model = pin.Model()
     for before, (name, joint, *rest) in enumerate(links):
@@ -170,7 +170,7 @@ def chain(*links: tuple, gravity: float = 9.81, beside: bool = False) -> pin.Mod
 
 
 def still(scene: pf.Scene, duration: float = 1.0) -> pf.Trajectory:
-    """Everything stands still, stretched out."""
+    """A motion that stands still, stretched out."""
     zero = np.zeros((2, scene.model.nv))
     return pf.Trajectory.from_arrays(scene, np.array([0.0, duration]), zero, zero, zero)
 
@@ -250,7 +250,7 @@ def pick_and_place(digits: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.
 def geared_arm(
     seed: int, mimic: bool = False, locks: float = 0.15
 ) -> tuple[pf.Scene, np.random.Generator]:
-    """A random arm with a random gear on every joint, that share of them self-locking."""
+    """A random arm with a random gear on every joint, a share of them self-locking."""
     rng = np.random.default_rng(seed)
     model = random_tree(seed, int(rng.integers(2, 8)), sliding=0.2)
     names = tuple(model.names)[1:]

@@ -1,7 +1,7 @@
 """Hard cases as named functions: a scene, a motion, and what is known of the answer.
 
-Forward dynamics and simulation use the same scenes; `tests/judges/test_cases_inverse.py` asserts
-what inverse dynamics must make of them.
+Forward dynamics and simulation use the same scenes; `tests/judges/test_cases_inverse.py` judges
+inverse dynamics.
 """
 
 from dataclasses import dataclass, field
@@ -97,7 +97,7 @@ def resting_four_bar(samples=7, **more):
 def rocker_driven_four_bar(offsets, mu=0.3, radius=0.03):
     """Driven at its rocker near the toggle where crank and coupler lie in line.
 
-    There the rocker's torque cannot turn the crank; with friction it locks itself before.
+    There the rocker's torque cannot turn the crank; with friction it locks before.
 
     Args:
         offsets: crank angles beyond the toggle (rad).
@@ -186,7 +186,7 @@ def shaking_four_bar(samples=200):
 
 
 def holding_four_bar(hours=100_000.0 / 3600.0, samples=5000):
-    """1e5 s of holding still, at steps that grow."""
+    """1e5 s of holding still, at growing steps."""
     scene, joints = four_bar(static=0.35)
     bars = np.tile(bar_angles(FourBar(), 0.9), (samples, 1))
     t = np.linspace(0, 1, samples) ** 2 * hours * 3600.0
@@ -326,8 +326,8 @@ def painleve_rod(mu, angle, mass=1.0, length=0.6, speed=1.0, g=9.81):
     """A uniform rod hinged to a massless slider on a rough guide, pushed along by it (Painleve).
 
     Slider along x; the rod hangs below it at `angle` from the guide (rad). With N the guide's force
-    on the slider, without friction N_0 = free; with it N (1 - mu / mu_crit) = N_0,
-    mu_crit = (1 + 3 cos^2 t) / (3 sin t cos t) where the friction tilts the rod into the guide.
+    on the slider, without friction N_0 = free; with it N (1 - mu / mu_crit) = N_0, mu_crit = (1 + 3
+    cos^2 t) / (3 sin t cos t) where the friction tilts the rod into the guide.
     """
     model = grounded_model((0.0, -g, 0.0))
     slider = add_link(model, 0, pin.JointModelPX(), pin.SE3.Identity(), "slider")

@@ -1,4 +1,4 @@
-"""What the tests of checking share."""
+"""Shared by tests of checking."""
 
 from pinfric.checking.findings import Severity
 

@@ -1,4 +1,4 @@
-"""What the tests of . share."""
+"""Shared by tests of the command line."""
 
 from pathlib import Path
 
@@ -43,13 +43,13 @@ def run(*arguments):
 
 
 def told(capsys, *arguments, code=0):
-    """What `pinfric ARGUMENTS` prints, as (out, err), where it ends with `code`."""
+    """What `pinfric ARGUMENTS` prints, as (out, err); it must end with `code`."""
     assert run(*arguments) == code
     return capsys.readouterr()
 
 
 def refused(capsys, *arguments):
-    """The one line that `pinfric ARGUMENTS` says on stderr, and nothing else, as bad input."""
+    """The one line on stderr with which `pinfric ARGUMENTS` refuses bad input."""
     out, err = told(capsys, *arguments, code=cli.BAD_INPUT)
     assert (out, err.count("\n")) == ("", 1)
     assert err.startswith("pinfric: error: ")
@@ -57,5 +57,5 @@ def refused(capsys, *arguments):
 
 
 def results_in(folder):
-    """The names of the files that a command wrote into a folder, its record left out."""
+    """The names of the files that a command wrote into a folder, without its record."""
     return sorted(path.name for path in Path(folder).iterdir() if path.name != RECORD)

@@ -1,4 +1,4 @@
-"""What the tests of model share."""
+"""Two described classes."""
 
 from pinfric.model.described import (
     EFFORT,

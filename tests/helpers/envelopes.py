@@ -1,4 +1,4 @@
-"""What `--json` prints, held against the schema that `pinfric schema result` prints."""
+"""Output of `--json`, held against the schema of `pinfric schema result`."""
 
 import json
 from functools import cache

@@ -1,4 +1,4 @@
-"""What the tests of exporting share."""
+"""Shared by tests of exporting."""
 
 import atexit
 import shutil
@@ -112,7 +112,7 @@ def planar():
 
 
 def worm():
-    """A self-locking hinge whose friction is about as large as its weight, which drives it."""
+    """A self-locking hinge with friction about as large as its weight, which drives it."""
     body = lump(1.0, [0.6, 0.0, 0.0], 0.1)
     gear = {"ratio": 40.0, "efficiency": 0.5, "back_efficiency": -0.6}
     friction = {"hinge": dry(5.0)}
@@ -122,7 +122,7 @@ def worm():
 
 
 def geared(efficiency, back, rotor):
-    """A weight on a hinge behind a gear: a weak one, or one that jams where its rotor is light."""
+    """A weight on a hinge behind a gear: a weak one, or one that jams with a light rotor."""
     gear = {"ratio": 50.0, "efficiency": efficiency, "back_efficiency": back}
     model = chain(("hinge", pin.JointModelRY(), lump(5.0, [0.3, 0.0, 0.0], 0.1)))
     model.addBodyFrame("bar", 1, pin.SE3.Identity(), 0)
@@ -171,7 +171,6 @@ class Headers:
     """Several compensators in one program.
 
     Args:
-        folder: where it is made.
         scenes: each with another source.
         flags: beside STRICT.
         edit: changes a header's text.
@@ -209,7 +208,7 @@ class Headers:
         payloads=(),
         wrenches=(),
     ):
-        """Named columns of what the compensator says of each state.
+        """Named columns of the compensator's results at each state.
 
         Args:
             q: (n, nv), one number per freedom. v, a: (n, nv) or None, None.
@@ -266,7 +265,7 @@ def compiled(source, program, *flags):
 
 
 def assert_columns(found, expected, name, tolerance=1e-12):
-    """Each column to within that part of its peak; a column that is 0 but for rounding to 1e-12."""
+    """Assert each column to that part of its peak; one that is 0 but for rounding to 1e-12."""
     peak = np.abs(expected).max(axis=0, initial=0.0)
     scale = np.maximum(peak, 1e-2 * peak.max(initial=0.0) + 1e-6)
     worst = (np.abs(found - expected) / scale).max(initial=0.0)
@@ -302,7 +301,7 @@ def loadable():
 
 @cache
 def exported_ur5():
-    """The arm, its motion, what is exported of them, and inverse dynamics."""
+    """The arm, its motion, their export, and inverse dynamics."""
     scene, motion = example("ur5_pick_and_place", "ur5_pick_and_place.csv")
     return scene, motion, pf.export(scene, motion), pf.inverse_dynamics(scene, motion)
 

@@ -1,4 +1,4 @@
-"""What the tests of friction share."""
+"""Shared by tests of friction."""
 
 import numpy as np
 import pinocchio as pin
@@ -48,8 +48,7 @@ def random_problem(seed, nc=4, strength=0.15, shared=False, static=1.2) -> Probl
 def strong_problem(seed, along=3, constant=0.0):
     """Friction strong enough for several solutions; contact forces along so many axes; directions.
 
-    Args:
-        constant: largest friction that no load makes.
+    `constant` is the largest load-independent friction.
     """
     rng = np.random.default_rng(seed)
     p = random_problem(seed, nc=2, strength=float(rng.uniform(0.3, 1.0)))
@@ -88,7 +87,7 @@ def plain_limits(p, load):
 
 
 def plain_solve(p, stuck, direction):
-    """Friction in given modes by SciPy, all unknowns at once; None where it fails."""
+    """Friction in given modes by SciPy, all unknowns at once; None if it fails."""
 
     def equations(x):
         slip = x - plain_slip_friction(p, direction, plain_loads(p, x))
@@ -99,7 +98,7 @@ def plain_solve(p, stuck, direction):
 
 
 def a_tree(nc):
-    """Coordinates that do not depend on each other."""
+    """Independent coordinates."""
     none = np.zeros(nc, dtype=bool)
     return Mechanism(False, np.eye(nc), np.arange(nc), none, none, np.zeros(nc))
 
@@ -173,7 +172,7 @@ def random_chain(rng, pins, strong=False, cut=None):
 
 
 def near_the_limit(rng, scene, q):
-    """Efforts around what holds: the frictionless ones and a random push that is scaled to it."""
+    """Efforts around the holding ones: the frictionless and a random push that is scaled to it."""
     still = np.zeros((1, scene.model.nv))
     balance = pf.inverse_dynamics(scene, q[None], still, still).effort_frictionless[0]
     push = rng.normal(size=len(balance))

@@ -79,7 +79,7 @@ def truth() -> pf.Scene:
 
 
 def guess(seed: int, bearing: bool = True) -> pf.Scene:
-    """What is known before: masses wrong by 20 %, a guessed coefficient at the elbow's bearing."""
+    """Prior knowledge: masses wrong by 20 %, a guessed coefficient at the elbow's bearing."""
     true = truth()
     model, rng = true.model.copy(), np.random.default_rng(1000 + seed)
     for body in range(1, model.njoints):
@@ -126,7 +126,7 @@ def excitation(seed: int, duration: float = 60.0, rate: float = 500.0, still=())
 
 
 def motor_effort(scene: pf.Scene, motion: Motion) -> np.ndarray:
-    """What the motors deliver, times their gears' ratio; the middle of intervals at rest."""
+    """Motor torques times the gears' ratio; the middle of intervals at rest."""
     found = pf.inverse_dynamics(scene, motion.q, motion.v, motion.a, t=motion.t)
     ratio = np.array([drive.transmission.ratio for drive in scene.drives])
     return 0.5 * ratio * (found.motor_torque_lower + found.motor_torque_upper)
@@ -141,7 +141,7 @@ def log(seed: int, duration: float = 60.0, rate: float = 500.0, still=(), name="
 def logged(
     seed: int, motion: Motion, effort: np.ndarray, name: str = "log", every: int = 1
 ) -> pf.Log:
-    """A motion and its efforts as a robot logs them, of so many samples one."""
+    """A motion and its efforts as a robot logs them, one of so many samples."""
     late = np.column_stack([np.interp(motion.t - DELAY, motion.t, y) for y in effort.T])
     motion = Motion(*(x[::every] for x in (motion.t, motion.q, motion.v, motion.a)))
     effort, late = effort[::every], late[::every]
@@ -263,7 +263,7 @@ def short(seed: int = 0, still: tuple[int, ...] = ()) -> pf.Log:
 
 
 def rows_of(effort: np.ndarray, columns: dict, rigid: np.ndarray | None = None, **more) -> Rows:
-    """Rows of one joint made by hand: slot -> column; in one block, at rest, unless it is said."""
+    """Rows of one joint made by hand: slot -> column; by default in one block, at rest."""
     n = len(effort)
     slots = np.zeros((n, len(SLOTS)))
     for slot, column in columns.items():
@@ -355,7 +355,7 @@ def whole_friction(found: Identified, name: str, speed: float) -> np.ndarray:
 
 
 def excess(scene: pf.Scene, name: str, speed: float) -> float:
-    """What is left at a speed of the excess of a joint's friction at rest, mean of both ways."""
+    """What remains at a speed of the excess of a joint's friction at rest, mean of both ways."""
     entry = scene.friction.get(name)
     if entry is None or entry.stribeck is None or entry.coulomb is None:
         return 0.0

@@ -1,7 +1,7 @@
-"""Logs of robots that no candidate law describes: what an interval must not hide.
+"""Logs of robots that no candidate law describes, which intervals must not hide.
 
-Each case alters the UR5 of identify_cases.py, or how it is measured, in one way. The coefficients
-that a scene can say keep their true values, so coverage is counted as it is without the change.
+Each case alters the UR5 of identify_cases.py, or its measurement, in one way. The coefficients of a
+scene keep their true values, so coverage is counted as without the change.
 """
 
 from collections.abc import Callable
@@ -110,7 +110,7 @@ def _by_motor_turn(seed: int, motion: Motion) -> Simulated:
 
 
 def _filtered(seed: int, motion: Motion) -> Simulated:
-    """Efforts behind a low pass of first order."""
+    """Efforts behind a first-order low pass."""
     effort = motor_effort(truth(), motion)
     keep = np.exp(-2.0 * np.pi * FILTER * (motion.t[1] - motion.t[0]))
     slow, _ = lfilter([1.0 - keep], [1.0, -keep], effort, axis=0, zi=keep * effort[:1])
@@ -118,7 +118,7 @@ def _filtered(seed: int, motion: Motion) -> Simulated:
 
 
 def _play(seed: int, motion: Motion) -> Simulated:
-    """Angles of the motors, which lead the joints to one side or the other of the play."""
+    """Angles of the motors, which lead the joints by the play on either side."""
     effort = motor_effort(truth(), motion)
     side = np.sign(effort)
     keep = np.exp(-(motion.t[1] - motion.t[0]) / 0.01)  # the play is crossed in some 10 ms
@@ -157,7 +157,7 @@ def _power(seed: int, motion: Motion) -> Simulated:
 
 
 def _payload(seed: int, motion: Motion) -> Simulated:
-    """A payload at the last link that nobody names."""
+    """An unnamed payload at the last link."""
     box = {"link": "tool0", "mass": PAYLOAD, "com": (0.0, 0.0, 0.1)}
     scene = truth().with_(payloads={"box": box})
     found = pf.inverse_dynamics(
@@ -196,7 +196,7 @@ CASES: dict[str, Callable[[int, Motion], Simulated]] = {
 
 
 def wrong_log(case: str, seed: int, duration: float = 60.0, rate: float = 250.0) -> pf.Log:
-    """Return a case's log: made at 1 kHz, so that what lies between samples is right."""
+    """Return a case's log, made at 1 kHz so that values between samples are right."""
     return logged(
         seed, *CASES[case](seed, excitation(seed, duration, 1000.0)), every=round(1000.0 / rate)
     )

@@ -1,4 +1,4 @@
-"""What the tests of motions/log share."""
+"""Shared by tests of logs."""
 
 import numpy as np
 import pinocchio as pin
@@ -166,7 +166,7 @@ LOADED = slice(0, 4)
 
 
 class Truth:
-    """A planned pick-and-place, its peak efforts, and what encoders make of it."""
+    """A planned pick-and-place, its peak efforts, and an encoder's log of it."""
 
     def __init__(self, folder, profile):
         self.folder, self.profile = folder, profile
@@ -206,7 +206,7 @@ class Truth:
         return t, late + 1e-5 * white
 
     def _wandering(self, seeded, rate, kind):
-        """What a loop logs that sleeps for a period and works for a while, or is held up."""
+        """The log of a loop that sleeps for a period and works for a while, or is held up."""
         fine, step = self.plans[4000], 1.0 / rate
         steps = step * (1.0 + 0.1 * seeded.exponential(size=round(fine.t[-1] / step)))
         if kind == "stalls":  # 3 to 8 periods late, and then two rows in a hurry

@@ -397,10 +397,10 @@ def spatial_loop(kind, seed, mu=0.0):
 
 
 def two_ball_loops(seed, counts=(3, 3, 2)):
-    """Three random chains in space, joined by two balls: friction in eight sites, the balls' too.
+    """Three random chains in space, joined by two balls: friction in eight sites, also the balls.
 
     Args:
-        counts: joints of each chain; what is above six in all are freedoms, each driven.
+        counts: joints of each chain; each above six in all is a driven freedom.
 
     Returns:
         scene, a closed q, and the generator of random numbers.
@@ -435,7 +435,7 @@ def two_ball_loops(seed, counts=(3, 3, 2)):
 
 
 def beside(*scenes):
-    """One scene of several that stand beside each other on the ground, as they are in the first."""
+    """One scene of several that stand beside each other on the ground."""
     model, friction, actuators, loops = grounded_model(), {}, [], []
     model.gravity.linear = scenes[0].model.gravity.linear
     for n, scene in enumerate(scenes):

@@ -1,4 +1,4 @@
-"""What the tests of paper share."""
+"""Shared by tests of the paper's room."""
 
 from dataclasses import replace
 
@@ -27,7 +27,7 @@ PENDULUM_LENGTH, PENDULUM_MASS, PENDULUM_J, PIN_RADIUS = 0.25, 1.0, 0.4, 0.1
 
 
 def random_tree(seed: int, bodies: int = 4, translational: tuple[int, ...] = ()) -> Mechanism:
-    """A random tree of joints, branching, with pins of both kinds, and guides where they slide."""
+    """A random branching tree of joints, with pins of both kinds, and guides where they slide."""
     rng = np.random.default_rng(seed)
     parts, joints, names = [], [], [GROUND]
     for k in range(bodies):

@@ -1,6 +1,6 @@
-"""Printed text and figures beside the text that is kept, `printed/NAME.txt` in the test's folder.
+"""Printed text and figures beside the stored text, `printed/NAME.txt` in the test's folder.
 
-`PINFRIC_PRINTED=write pytest ...` writes them anew: read the difference before it is committed.
+`PINFRIC_PRINTED=write pytest ...` writes them anew: read the difference before you commit.
 """
 
 import os
@@ -23,13 +23,13 @@ def unit(number, percent=""):
 
 
 def assert_printed(test, name, text):
-    """Words as they are kept, in their order; figures within a unit of their last digit.
+    """Assert stored words in their order, and figures within a unit of their last digit.
 
-    What is below 1e-7 is an error of rounding or integration: it is compared as 0.
+    Below 1e-7 a figure is an error of rounding or integration, and compared as 0.
 
     Args:
         test: `__file__` of the test.
-        name: of the text that is kept.
+        name: of the stored text.
         text: what was printed.
     """
     file = Path(test).parent / "printed" / f"{name}.txt"
@@ -51,7 +51,7 @@ def part_of(axes, name):
 
 
 def figure_text(figure):
-    """What a figure draws: of each panel its titles, range of time, texts and named parts.
+    """A figure's content: of each panel its titles, range of time, texts and named parts.
 
     Of a line the ends of its places, how many are drawn and missing; of areas and bars their boxes.
     """

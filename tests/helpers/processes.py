@@ -1,4 +1,4 @@
-"""What Linux says of a process, of those below it and of the ports they listen on."""
+"""Linux's view of a process, its descendants and the ports they listen on."""
 
 import ipaddress
 import os
@@ -6,7 +6,7 @@ from pathlib import Path
 
 
 def children(pid):
-    """Every process below one, by what Linux says."""
+    """Every process below one, by /proc."""
     found = []
     for task in Path(f"/proc/{pid}/task").iterdir():
         for child in (task / "children").read_text().split():

@@ -1,4 +1,4 @@
-"""What the tests of show/replay share."""
+"""Shared by tests of replays."""
 
 import json
 import re

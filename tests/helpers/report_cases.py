@@ -1,4 +1,4 @@
-"""What the tests of show/report share."""
+"""Shared by tests of reports."""
 
 import io
 

@@ -1,4 +1,4 @@
-"""What the tests of retiming share."""
+"""Shared by tests of retiming."""
 
 import numpy as np
 import pinocchio as pin
@@ -24,7 +24,7 @@ def straight(end, start=0.0):
 
 
 def planar(friction=True):
-    """Two links that hang, with all kinds of friction and gears that lose."""
+    """Two hanging links with all kinds of friction and lossy gears."""
     upper = lump(3.0, [0, 0, -0.2], 0.05)
     lower = lump(1.5, [0, 0, -0.15], 0.02)
     model = chain(("a", pin.JointModelRY(), upper), ("b", pin.JointModelRY(), lower, [0, 0, -0.4]))

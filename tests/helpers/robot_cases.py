@@ -1,4 +1,4 @@
-"""What the tests of model share."""
+"""Robots of example-robot-data."""
 
 import pytest
 

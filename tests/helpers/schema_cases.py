@@ -1,4 +1,4 @@
-"""What the tests of model share."""
+"""Scene contents for tests of the schema."""
 
 import copy
 

@@ -1,4 +1,4 @@
-"""What the tests of dynamics/simulation share."""
+"""Shared by tests of simulation."""
 
 import numpy as np
 from builders import block, lump, plane_friction, row

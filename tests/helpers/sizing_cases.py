@@ -108,16 +108,17 @@ def trapezoid(scene, samples=400):
 
 
 def sized_cycle(catalog=None, scene=None, **more):
-    """`pf.size` of the trapezoidal cycle, of the turntable where no scene is given."""
+    """`pf.size` of the trapezoidal cycle, by default of the turntable."""
     scene = scene or turntable()
     return pf.size(scene, trapezoid(scene), catalog, **more)
 
 
 def hour_with_a_stall(stall=300.0, move=2.0):
-    """A pendulum held out for `stall` seconds at 2.5 times what MOTOR can for ever; else it hangs.
+    """A pendulum held out for `stall` seconds at 2.5 times MOTOR's continuous torque, then hanging.
 
     Returns:
-        scene, trajectory of an hour, and what `one_drive` takes: a drive that it fits but for this.
+        scene, trajectory of an hour, and arguments of `one_drive` for a drive that fits but for
+            this.
     """
     effort = 2.5 * MOTOR["continuous_torque"] * GEAR["ratio"] * GEAR["efficiency"]
     body = lump(effort / 9.81, [1.0, 0.0, 0.0])

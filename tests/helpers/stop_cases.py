@@ -1,4 +1,4 @@
-"""One axis and an arm of two that tests of stops share."""
+"""One axis and an arm of two for tests of stops."""
 
 import pinocchio as pin
 from builders import chain, lump

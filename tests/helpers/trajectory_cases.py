@@ -1,4 +1,4 @@
-"""What the tests of motions share."""
+"""Shared by tests of motions."""
 
 from pathlib import Path
 from types import SimpleNamespace
