@@ -1,7 +1,8 @@
 """Velocities and accelerations from sampled positions, with holds that stay exactly still.
 
-A filter run forward and backward eats a quarter of a hold, and a spline rings into it. Here the
-holds are found first, in the positions themselves, and only the pieces between them are fitted.
+A filter or spline over the whole motion disturbs holds. So these are found first, and only the
+pieces between them are fitted. Arguments: t (T,) increasing, s; position (T,) of one joint, rad or
+m; holds as `find_holds` returns them; resolution, the last digit printed.
 """
 
 from __future__ import annotations
@@ -33,14 +34,10 @@ _PART, _BESIDE = 2**16, 200
 def find_holds(position: ArrayLike, resolution: float = 0.0) -> list[tuple[int, int]]:
     """Return the runs of samples in which one joint stands still, as (first, last) inclusive.
 
-    A run counts where at least `MIN_HOLD_SAMPLES` positions agree and the joint leaves the run
-    quickly at both ends (`HOLD_DEPARTURE`); the ends of the data need no departure. Positions agree
-    within rounding in float64, or the last digit, but at most 1e-6 of the joint's travel: a coarse
-    file must not turn motion into holds.
-
-    Args:
-        position: (T,) positions of one joint, rad or m.
-        resolution: the last digit printed in the file, same unit; 0 = not rounded.
+    At least `MIN_HOLD_SAMPLES` positions agree, and the joint leaves them quickly at both ends
+    (`HOLD_DEPARTURE`) unless the data end there. Positions agree within rounding in float64, or the
+    last digit, but at most 1e-6 of the joint's travel: a coarse file must not turn motion into
+    holds.
     """
     q = np.asarray(position, dtype=np.float64)
     travel = float(np.ptp(q))
@@ -93,14 +90,9 @@ def position_derivatives(
     """Return velocity and acceleration of one joint from its positions.
 
     Each piece between two holds gets one quintic interpolating spline over t, with v = a = 0 where
-    it meets a hold and not-a-knot ends elsewhere; in the holds, ends included, v = a = 0 exactly.
-    Errors fall with h^5 (v) and h^4 (a). A piece with fewer than six conditions is one polynomial
-    of the degree they allow (two free samples: a straight line).
-
-    Args:
-        t: (T,) increasing times, s.
-        position: (T,) rad or m.
-        holds: (first, last) of each hold, inclusive, as `find_holds` returns them.
+    it meets a hold and not-a-knot ends elsewhere; in holds, ends included, v = a = 0 exactly.
+    Errors fall with h^5 (v) and h^4 (a). Fewer than six conditions make one polynomial of the
+    degree they allow (two free samples: a straight line).
     """
     times, q = np.asarray(t, dtype=np.float64), np.asarray(position, dtype=np.float64)
     v, a = np.zeros_like(q), np.zeros_like(q)
@@ -114,13 +106,7 @@ def position_derivatives(
 def velocity_derivative(
     t: ArrayLike, velocity: ArrayLike, holds: Sequence[tuple[int, int]]
 ) -> FloatArray:
-    """Return the acceleration of one joint from its velocities, by the same pieces and splines.
-
-    Args:
-        t: (T,) increasing times, s.
-        velocity: (T,) rad/s or m/s.
-        holds: (first, last) of each hold, inclusive, found in the positions.
-    """
+    """Return the acceleration of one joint from its velocities, by the same pieces and splines."""
     times, v = np.asarray(t, dtype=np.float64), np.asarray(velocity, dtype=np.float64)
     a = np.zeros_like(v)
     for piece, left, right in _moving_pieces(v.size, holds):
@@ -133,13 +119,8 @@ def velocity_derivative(
 def acceleration_noise(t: ArrayLike, resolution: float) -> float:
     """Return the standard deviation that rounding of positions leaves in spline accelerations.
 
-    sigma_a = 4.8 resolution / (sqrt(12) h^2) = 1.4 resolution / h^2, h the median time step: the
-    rounding error is uniform (sigma = resolution / sqrt(12)), the quintic spline's second
-    derivative passes white noise with a gain of 4.8 / h^2 (`SPLINE_GAINS`).
-
-    Args:
-        t: (T,) increasing times, s.
-        resolution: the last digit printed in the file, rad or m.
+    sigma_a = 4.8 resolution / (sqrt(12) h^2), h the median time step: rounding is uniform, and the
+    quintic spline's second derivative passes white noise with a gain of 4.8 / h^2 (`SPLINE_GAINS`).
     """
     step = float(np.median(np.diff(np.asarray(t, dtype=np.float64))))
     return SPLINE_GAINS[1] * resolution / (np.sqrt(12.0) * step**2)
@@ -163,8 +144,8 @@ def _derivatives(
 ) -> list[FloatArray]:
     """Return derivatives of the spline through (t, y), as `_interpolate` makes it.
 
-    Of long ones part by part, with samples beside that the part's samples do not feel: equations
-    of a whole log would take 16 numbers a sample.
+    Long ones in parts, with samples beside that no longer matter to them: the equations of a whole
+    log take 16 numbers a sample.
     """
     derivatives = [np.empty_like(y) for _ in orders]
     for first in range(0, y.size, _PART):
@@ -182,8 +163,8 @@ def _derivatives(
 def _interpolate(t: FloatArray, y: FloatArray, left: int, right: int) -> Any:
     """Return the spline through (t, y) with `left` and `right` leading derivatives 0 at its ends.
 
-    A clamped end adds its conditions; a free end instead drops up to (degree - 1)/2 interior knots
-    (not-a-knot), so that knots = conditions + degree + 1 always.
+    A clamped end adds its conditions; a free end drops up to (degree - 1)/2 interior knots
+    (not-a-knot), so that knots = conditions + degree + 1.
     """
     from scipy.interpolate import make_interp_spline
 

@@ -34,12 +34,7 @@ class Follower:
 
 
 def find_followers(scene: Any, columns: Sequence[JointColumn]) -> tuple[Follower, ...]:
-    """Return the mimic followers; none where the scene has no URDF, which alone has their limits.
-
-    Args:
-        scene: its model and, where it came from a URDF, its robot.
-        columns: (nj,) the joints that lead.
-    """
+    """Return the mimic followers; none without a URDF, which alone has their limits."""
     robot, model = getattr(scene, "robot", None), scene.model
     if robot is None or not len(model.mimicking_joints):
         return ()
@@ -63,11 +58,7 @@ def follower_problems(
 ) -> list[str]:
     """Return one line per follower and side on which it passes a position limit.
 
-    Args:
-        followers: as `find_followers` returns them.
-        columns: (nj,) the joints of `position`.
-        t: (T,) s.
-        position: (T, nj) one number per joint.
+    `position` (T, nj) rad or m is that of the joints in `columns`, at times t (T,) s.
     """
     led = position[:, [list(columns).index(follower.leader) for follower in followers]]
     moved = led * [f.ratio for f in followers] + [f.shift for f in followers]
@@ -77,20 +68,14 @@ def follower_problems(
 def follower_warnings(
     followers: Sequence[Follower], t: FloatArray, velocity: FloatArray
 ) -> list[str]:
-    """Return one line per follower that is faster than its limit.
-
-    Args:
-        followers: as `find_followers` returns them.
-        t: (T,) s.
-        velocity: (T, nv) of the model.
-    """
+    """Return one line per follower that is faster than its limit; `velocity`: (T, nv)."""
     led = velocity[:, [follower.leader.index_v for follower in followers]]
     columns = [follower.column for follower in followers]
     return velocity_warnings(columns, t, led * [follower.ratio for follower in followers])
 
 
 def _urdf_limits(robot: Any) -> dict[str, JointColumn]:
-    """Limits of a URDF's joints by name; the file was checked when the robot was read."""
+    """Limits of a URDF's joints by name; the file was checked when it was read."""
     limits = {}
     for joint in robot.xml().findall("joint"):
         name, kind, limit = joint.get("name", ""), joint.get("type"), joint.find("limit")

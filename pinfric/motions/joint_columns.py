@@ -1,4 +1,7 @@
-"""The joints of a model as files see them: one column, one number, its limits."""
+"""The joints of a model as files see them: one column, one number, its limits.
+
+Arguments: columns (nj,) the joints, position (T, nj) rad or m, velocity (T, nv), t (T,) s.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +25,7 @@ _UNLIMITED = 1.0e300  # Pinocchio's "no limit" is inf or the largest float
 class JointColumn:
     """A one-dof joint as a file sees it: one number; limits in rad or m, infinite where none.
 
-    `follows` says how a mimic follower depends on its leader; empty of all others.
+    `follows` says how a mimic follower depends on its leader; empty for all others.
     """
 
     name: str
@@ -43,10 +46,6 @@ class JointColumn:
 
 def joint_columns(model: pin.Model, source: str = "model") -> tuple[JointColumn, ...]:
     """Return the joints a file has a column for: one dof each, mimic followers left out.
-
-    Args:
-        model: the robot.
-        source: named in the error.
 
     Raises:
         TrajectoryError: planar, spherical or floating joints, which files cannot describe.
@@ -73,11 +72,7 @@ def _joint_column(model: pin.Model, name: str, joint: Any) -> JointColumn:
 
 
 def stated_range(low: float, high: float) -> tuple[float, float]:
-    """Return a joint's limits, infinite where none was stated.
-
-    A URDF limit without lower and upper reads as 0 to 0; any other range is meant, also one of a
-    single position.
-    """
+    """Return a joint's limits, infinite where none was stated: a URDF's then read as 0 to 0."""
     if low > high or low == high == 0.0:
         return -np.inf, np.inf
     return (low if low > -_UNLIMITED else -np.inf), (high if high < _UNLIMITED else np.inf)
@@ -93,10 +88,7 @@ def limit_problems(
 ) -> list[str]:
     """Return one line per joint and side on which positions pass a limit: value, limit, time.
 
-    Args:
-        columns: (nj,) the joints.
-        t: (T,) s.
-        position: (T, nj) one number per joint; what is not finite is passed over.
+    What is not finite is passed over.
     """
     problems: list[str] = []
     for index, column in enumerate(columns):
@@ -119,13 +111,7 @@ def limit_problems(
 def velocity_warnings(
     columns: Sequence[JointColumn], t: FloatArray, velocity: FloatArray
 ) -> list[str]:
-    """Return one line per joint whose velocity exceeds the model's limit: peak, limit, first time.
-
-    Args:
-        columns: (nj,) the joints.
-        t: (T,) s.
-        velocity: (T, nv) rad/s or m/s.
-    """
+    """Return one line per joint whose velocity exceeds its limit: peak, limit, first time."""
     warnings = []
     for column in columns:
         speed = np.abs(velocity[:, column.index_v])
@@ -140,13 +126,7 @@ def velocity_warnings(
 
 
 def configurations(columns: Sequence[JointColumn], position: FloatArray, nq: int) -> FloatArray:
-    """Return Pinocchio's q (T, nq) from one number per joint: cos, sin where it is continuous.
-
-    Args:
-        columns: (nj,) the joints.
-        position: (T, nj) rad or m.
-        nq: the model's.
-    """
+    """Return Pinocchio's q (T, nq) from one number per joint: cos, sin where it is continuous."""
     q = np.zeros((position.shape[0], nq))
     for index, column in enumerate(columns):
         q[:, column.index_q] = position[:, index]
@@ -159,9 +139,7 @@ def configurations(columns: Sequence[JointColumn], position: FloatArray, nq: int
 def single_positions(q: FloatArray, joint_nq: Sequence[int]) -> FloatArray:
     """Return one number per joint (T, nj) from Pinocchio's q: cos, sin become an unwrapped angle.
 
-    Args:
-        q: (T, nq).
-        joint_nq: (nj,) entries of q per joint, 1 or 2, in order.
+    `joint_nq`: (nj,) entries of q per joint, 1 or 2, in order.
     """
     position = np.empty((q.shape[0], len(joint_nq)))
     starts = np.concatenate(([0], np.cumsum(joint_nq, dtype=np.int64)))
@@ -173,12 +151,7 @@ def single_positions(q: FloatArray, joint_nq: Sequence[int]) -> FloatArray:
 
 
 def unit_circle_problems(columns: Sequence[JointColumn], q: FloatArray) -> list[str]:
-    """Return one line per continuous joint whose two entries of q are not a cosine and a sine.
-
-    Args:
-        columns: (nj,) the joints.
-        q: (T, nq) configurations.
-    """
+    """Return one line per continuous joint whose two entries of q are not a cosine and a sine."""
     problems = []
     for column in columns:
         if column.nq == 2:
@@ -193,13 +166,13 @@ def unit_circle_problems(columns: Sequence[JointColumn], q: FloatArray) -> list[
 
 
 def refuse(source: str, problems: Sequence[str]) -> None:
-    """Raise a TrajectoryError with all that is wrong, in one message; nothing where nothing is."""
+    """Raise a TrajectoryError with all problems in one message, if there are any."""
     if problems:
         raise TrajectoryError(problems_line(source, problems))
 
 
 def listing(items: Iterable[object], limit: int = 10) -> str:
-    """Return the items separated by commas, the first `limit` of them and how many there are."""
+    """Return the items separated by commas, at most `limit` of them and how many there are."""
     texts = [str(item) for item in items]
     shown = ", ".join(texts[:limit])
     return shown if len(texts) <= limit else f"{shown}, ... ({len(texts)} in all)"

@@ -1,4 +1,4 @@
-"""Trajectory files of closed mechanisms: they name independent joints, the loops move the rest."""
+"""Trajectory files of closed mechanisms: they name independent joints, loops move the others."""
 
 from __future__ import annotations
 
@@ -27,9 +27,8 @@ def named_columns(
     """Return the joints that a file has columns for: all, or with loops the independent ones.
 
     Args:
-        scene: only a `Scene` with loops lets a file leave joints out.
-        columns: (nj,) all joints.
-        names: what the file names, unknown names included (they are refused elsewhere).
+        scene: only a `Scene` with loops lets a file leave joints out. columns: (nj,) all joints.
+        names: what the file names; unknown names are refused elsewhere.
         problems: a wrong number of joints is appended here.
     """
     if not isinstance(scene, Scene) or not scene.loops:
@@ -60,20 +59,18 @@ def complete_motion(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return q (T, nq), v, a (T, nv) of all joints from those of the named ones.
 
-    The first configuration is the one nearest to `simulation.start` of the scene. Where all joints
-    are named and derivatives come from their positions, independent ones move the others, too:
-    measured positions close no loop exactly. Else all that was given stays.
+    The first configuration is the one nearest to the scene's `simulation.start`. Where all joints
+    are named and derivatives come from their positions, the independent ones move the others,
+    because measured positions close no loop exactly. Else all that was given stays.
 
     Args:
-        scene: with loops.
-        source: the file, for messages.
+        scene: with loops. source: the file, for messages.
         columns, named: (nj,) all joints, (k,) those in the file.
-        position, v, a: (T, k) rad or m, and per second.
-        derived: some of v, a came from splines.
+        position, v, a: (T, k) rad or m, and per second. derived: some of v, a came from splines.
         warnings: how far positions were moved is appended here.
 
     Raises:
-        TrajectoryError: a sample at which the loops cannot close, or do not determine the rest.
+        TrajectoryError: a sample at which loops cannot close, or do not determine the other joints.
     """
     model, names = scene.model, [column.name for column in named]
     q = configurations(named, position, model.nq)
@@ -98,7 +95,7 @@ def _closed(
     q: FloatArray,
     warnings: list[str],
 ) -> FloatArray:
-    """Return q (T, nq) with the loops closed by moving dependent joints; unchanged if by much."""
+    """Return q (T, nq) with loops closed by moving dependent joints; unchanged if that is much."""
     linkage, twin = scene.linkage, scene.twin()
     assert linkage is not None
     held = np.zeros(twin.nv, dtype=bool)

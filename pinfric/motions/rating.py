@@ -1,15 +1,12 @@
 """A rating in place of a cycle: a payload held in the worst postures, and lifted from there.
 
-Before anyone has a cycle, an arm is built for a payload, its reach and its top speeds. The posture
-of a joint is the one of its largest |gravity effort| over the ranges of all joints; where that is
-below 2 % of the largest of any joint, the one in which it moves the largest inertia. From there
-this joint alone moves against gravity, by D, 90 degrees at most, in a quintic move whose largest
-acceleration is top speed/t_a,
+From its worst posture (`notebooks/theory/sizing`, "Rating") each joint alone moves against gravity,
+by D, 90 degrees at most, in a quintic move whose largest acceleration is top speed/t_a,
 
     T = max(sqrt(10/sqrt(3) D t_a/v), 15 D/(8 v)),
 
 returns, and rests as long as it moved. t_a = 1.5 s is an inference: the peak torques that makers
-print leave 1.3 s at the shoulder of a UR10, 1.0 s at a UR5's, 0.4 s at a UR3's in this posture.
+print leave 1.3 s at the shoulder of a UR10, 1.0 s at a UR5's, 0.4 s at a UR3's.
 """
 
 from __future__ import annotations
@@ -88,10 +85,10 @@ class Lift:
 
     Attributes:
         drive: its column in efforts. column: its joint's in `Rated.columns`.
-        posture: in which it is held and from which it moves, of `Rated.postures`.
-        held: largest |effort| that holds the payload at rest over all joints' ranges, N m or N.
-        to: (nj,) where the move ends. speed: its top speed, rad/s or m/s. duration: s of the move.
-        reached: the largest speed of the move, rad/s or m/s.
+        posture: of `Rated.postures`, in which it is held and from which it moves.
+        held: largest |effort| that holds the payload, over all joints' ranges, N m or N.
+        to: (nj,) where the move ends. duration: of the move, s.
+        speed, reached: the joint's top speed, and the move's, rad/s or m/s.
     """
 
     drive: int
@@ -110,8 +107,8 @@ class Rated:
 
     Attributes:
         scene: with the rated payload beside its own. rating: as given.
-        payload: its name in the scene. link: that carries it. reach: greatest distance of its
-            centre of mass from the second of the joints that carry it (the shoulder), m.
+        payload: its name in the scene. link: that carries it. reach: of its centre of mass from the
+            second joint that carries it (the shoulder), m.
         columns: (nj,) the joints. postures: (P, nj) rad or m. lifts: of the joints before the link.
     """
 
@@ -125,7 +122,7 @@ class Rated:
     lifts: tuple[Lift, ...]
 
     def parts(self) -> Iterator[tuple[Lift | None, tuple[WayPoint, ...]]]:
-        """Yield of each posture its hold (None), then the moves of its joints, as way-points."""
+        """Yield each posture's hold (None), then the moves of its joints, as way-points."""
         for k, posture in enumerate(self.postures):
             yield None, (_point(posture, hold=_HOLD),)
             for lift in self.lifts:
@@ -183,10 +180,7 @@ def parse_rating(keys: Rating | Mapping[str, Any]) -> Rating:
 
 
 def rate(scene: Scene, given: Rating | Mapping[str, Any]) -> Rated:
-    """Return the postures and moves of a robot that is rated for a payload.
-
-    Args:
-        scene: the robot; its own payloads are put down. given: the rating, or its keys.
+    """Return the postures and moves of a robot that is rated for a payload; its own are put down.
 
     Raises:
         TrajectoryError: a rating that cannot be; closed loops; no link for the payload, or one that
@@ -258,12 +252,9 @@ def rate(scene: Scene, given: Rating | Mapping[str, Any]) -> Rated:
 
 
 def holding_efforts(scene: Scene, payload: str) -> dict[str, float]:
-    """Return the largest |effort| that holds a payload, by the joint's name, N m or N.
+    """Return joint -> largest |effort| that holds one of the scene's payloads, N m or N.
 
-    Over the ranges of all joints before the payload's link, at rest, without friction.
-
-    Args:
-        scene: the robot. payload: one of its own.
+    At rest, without friction, over the ranges of all joints before the payload's link.
 
     Raises:
         TrajectoryError: as `rate`.
@@ -275,14 +266,11 @@ def holding_efforts(scene: Scene, payload: str) -> dict[str, float]:
 
 
 class Arm:
-    """The drives that carry a payload, and what they carry over all postures.
-
-    Args:
-        scene: the robot. payload: one of its own, which alone is carried.
+    """The drives that carry one of a scene's payloads, and what they carry over all postures.
 
     Attributes:
         columns: (nj,) all joints. drives, columns_of: (k,) of the carriers: columns in efforts, and
-            their joints'. limits: (nj, 2) rad or m. ranges: the same, of whole turns one.
+            their joints'. limits, ranges: (nj, 2) rad or m; ranges of at most one turn.
 
     Raises:
         TrajectoryError: closed loops; a link that no drive moves; a slide without ends.
@@ -358,7 +346,7 @@ class Arm:
         return inverse_dynamics(self.scene, q, still, still).effort_frictionless[:, self.drives]
 
     def efforts(self, position: FloatArray) -> FloatArray:
-        """Return their magnitudes."""
+        """Return the magnitudes of `signed_efforts`."""
         return np.abs(self.signed_efforts(position))
 
     def inertias(self, position: FloatArray) -> FloatArray:
@@ -372,8 +360,8 @@ class Arm:
     ) -> tuple[FloatArray, FloatArray]:
         """Return (n, nj) positions in which some columns (n,) of a value are largest, and these.
 
-        The best of random ones, then of steps along single joints, halved where none is better. Of
-        equals the one that stays above the base, and reaches farthest: it does not hit itself.
+        The best of random positions, then of ever smaller steps along single joints. Among equals
+        the one that stays above the base and reaches farthest, which does not hit itself.
         """
         wanted = np.array(which)
         low, size = self.ranges[:, 0], np.ptp(self.ranges, axis=1)
@@ -423,9 +411,9 @@ class Arm:
         return _rounded(position, self.ranges)
 
     def reach(self, position: FloatArray) -> tuple[float, float]:
-        """Return how far below the base the arm is, m (0 or less), and how far the payload reaches.
+        """Return the arm's lowest point below the base (m, 0 or less), and the payload's reach, m.
 
-        The distance is from the second joint that carries it, the shoulder.
+        The reach is measured from the second joint that carries it, the shoulder.
         """
         model, data = self.scene.model, self.scene.model.createData()
         pin.framesForwardKinematics(
@@ -444,11 +432,7 @@ def _check_open(scene: Scene) -> None:
 
 
 def _last_link(scene: Scene) -> str:
-    """The scene's tool; else the last link, or `tool0` of several that end the robot together.
-
-    Raises:
-        TrajectoryError: several joints end the robot.
-    """
+    """The scene's tool; else the last link, or `tool0` of several that end the robot together."""
     if scene.tool is not None:
         return scene.tool
     model = scene.model

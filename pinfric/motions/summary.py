@@ -137,9 +137,9 @@ ROUNDING = 1e-9
 
 
 def rounding(result: InverseResult) -> float:
-    """Return the effort (N m or N) below which a figure of this result is rounding: to print as 0.
+    """Return the effort (N m or N) below which a figure is rounding, to print as 0.
 
-    1e-9 of the largest effort, force or moment in it.
+    1e-9 of the result's largest effort, force or moment.
     """
     arrays = [result.effort_lower, result.effort_upper, result.effort_frictionless, result.wrench]
     ends = [
@@ -173,22 +173,12 @@ def payload_phases(result: InverseResult) -> dict[str, list[tuple[float, float]]
 
 
 def rms(t: np.ndarray, x: np.ndarray) -> float:
-    """Return sqrt(1/T int x^2 dt) by the trapezoidal rule; |x| of a single sample.
-
-    Args:
-        t: (T,) increasing, s.
-        x: (T,).
-    """
+    """Return sqrt(1/T int x^2 dt) by the trapezoidal rule over t (T,) s; |x| of a single sample."""
     return float(column_rms(t, x[:, None])[0])
 
 
 def column_rms(t: np.ndarray, x: np.ndarray) -> np.ndarray:
-    """Return `rms` of each column, (n,).
-
-    Args:
-        t: (T,) increasing, s.
-        x: (T, n).
-    """
+    """Return `rms` of each column of x (T, n), (n,)."""
     largest: np.ndarray = np.abs(x).max(axis=0)
     if len(t) == 1:
         return largest
@@ -199,11 +189,9 @@ def column_rms(t: np.ndarray, x: np.ndarray) -> np.ndarray:
 
 
 def known_rms(t: np.ndarray | None, x: np.ndarray) -> np.ndarray:
-    """Return sqrt(1/T int x^2 dt) of each column over the time at whose both ends it is known.
+    """Return sqrt(1/T int x^2 dt) of each column of x (T, n) over the steps with both ends known.
 
-    Args:
-        t: (T,) increasing, s; None: states without order, of which each counts alike.
-        x: (T, n), NaN where it is not known.
+    x is NaN where it is not known. t None: states without order, of which each counts alike.
     """
     square = x**2
     if t is None or len(t) < 2:
@@ -217,21 +205,18 @@ def known_rms(t: np.ndarray | None, x: np.ndarray) -> np.ndarray:
 
 
 def running_integral(t: np.ndarray, x: np.ndarray) -> np.ndarray:
-    """Return (T, n) int x dt from the first of the times (T,) on, by the trapezoidal rule."""
+    """Return (T, n) int x dt from the first time on, by the trapezoidal rule."""
     steps = np.diff(t)[:, None] * (x[1:] + x[:-1]) / 2.0
     return np.concatenate([np.zeros((1, x.shape[1])), np.cumsum(steps, axis=0)])
 
 
 def integral(t: np.ndarray, x: np.ndarray) -> float:
-    """Return int x dt by the trapezoidal rule: as NumPy's, which takes any axis and twice as long.
-
-    Args: as `rms`.
-    """
+    """Return int x dt by the trapezoidal rule, in half the time that NumPy's takes."""
     return float((t[1:] - t[:-1]) @ (x[1:] + x[:-1])) / 2
 
 
 def ends_by_magnitude(lower: np.ndarray, upper: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the number of largest and that of smallest magnitude in each [lower, upper], (T,)."""
+    """Return the numbers of largest and of smallest magnitude in each [lower, upper], (T,)."""
     worst = np.where(np.abs(upper) >= np.abs(lower), upper, lower)
     return worst, np.minimum(np.maximum(0.0, lower), upper)
 
@@ -295,10 +280,7 @@ def motor_unit(scene: Scene, actuator: int) -> str:
 def unit_of_drive(scene: Scene, name: str, motor: bool = False) -> str:
     """Return the unit of a drive's efforts, by its name; of no name that which all drives share.
 
-    Args:
-        scene: the robot.
-        name: of the drive; empty: of all.
-        motor: at the motor's shaft.
+    `motor`: at the motor's shaft.
     """
     if name:
         return (motor_unit if motor else effort_unit)(scene, scene.actuator_names.index(name))

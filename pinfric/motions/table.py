@@ -45,8 +45,8 @@ _STOPS_PACE = 0.101
 class TrajectoryTable:
     """A motion with one number per joint, (T, nj); a column of NaN is one that was not given.
 
-    `attached` holds the payload columns there are, (T,) bool each; `resolution` (nj,) the last
-    digit printed of each joint's positions (0: not rounded).
+    `attached`: payload -> (T,) bool. `resolution`: (nj,) last digit printed of the positions, 0:
+    not rounded.
     """
 
     t: FloatArray
@@ -66,12 +66,8 @@ def complete_derivatives(
 ) -> tuple[FloatArray, FloatArray]:
     """Return velocities and accelerations (T, nj), those not given from splines (`derivatives`).
 
-    Args:
-        columns: (nj,) the joints.
-        table: the motion; its time increases and its positions are finite.
-        problems: what cannot be derived is appended here.
-        warnings: where rounding spoils an acceleration, or velocities do not fit the positions,
-            is appended here.
+    Appended are to `problems` what cannot be derived, and to `warnings` accelerations that rounding
+    spoils and velocities that do not fit the positions.
     """
     v, a = table.velocity, table.acceleration
     warnings += mismatch_warnings(columns, table)
@@ -159,10 +155,7 @@ def _as_points(t: FloatArray, positions: FloatArray) -> str:
 def _starts_and_ends_at_speed(t: FloatArray, slopes: FloatArray, speed: FloatArray) -> BoolArray:
     """Whether few rows, seldom enough to be stops, begin and end in the middle of a joint's motion.
 
-    Args:
-        t: (T,) s.
-        slopes: (T - 1, nj) mean speed from row to row.
-        speed: (nj,) their RMS.
+    `slopes`: (T - 1, nj) mean speeds from row to row; `speed`: (nj,) their RMS.
     """
     if t.size >= _FEWEST_SAMPLES or float(np.median(np.diff(t))) <= _STOPS_PACE:
         return np.zeros(speed.size, dtype=bool)
@@ -173,13 +166,8 @@ def _starts_and_ends_at_speed(t: FloatArray, slopes: FloatArray, speed: FloatArr
 def mismatch_warnings(columns: Sequence[JointColumn], table: TrajectoryTable) -> list[str]:
     """Return a line for each joint whose velocities are not those of its positions.
 
-    Compared are the mean velocities of each time step by both. They are of second order in the
-    step, which is as fine as a share of a tenth asks for, and cost little where a motion has
-    millions of samples. Few rows with v = 0 are stops, not samples.
-
-    Args:
-        columns: (nj,) the joints.
-        table: the motion; joints without velocities and times that do not increase are passed over.
+    Compared are the mean velocities of each time step, which cost little over millions of samples.
+    Few rows with v = 0 are stops, not samples.
     """
     t, lines = table.t, []
     steps = np.diff(t)

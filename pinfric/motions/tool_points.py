@@ -4,10 +4,9 @@ Levenberg-Marquardt from the posture before, e = log6(M(q)^-1 M_wanted), J its J
 
     dq = (J^T J + (|e|^2/2 + 1e-12) 1)^-1 J^T e,    within the joints' limits
 
-On a straight line the tool's origin moves straight and its axes turn about one axis. It is solved
-at `_KNOTS` places and joined by splines of degree 5, from which velocities and accelerations come.
-Damping: Sugihara, Solvability-Unconcerned Inverse Kinematics by the Levenberg-Marquardt Method,
-IEEE Trans. Robotics 27(5), 2011.
+On a straight line the tool turns about one axis; quintic splines join `_KNOTS` postures. Damping:
+Sugihara, Solvability-Unconcerned Inverse Kinematics by the Levenberg-Marquardt Method, IEEE Trans.
+Robotics 27(5), 2011.
 """
 
 from __future__ import annotations
@@ -67,10 +66,7 @@ class Tool:
     def reach(self, goal: pin.SE3, x: FloatArray, rows: int = 6) -> tuple[FloatArray, FloatArray]:
         """Return the posture nearest to a goal, from the posture x on, and what it is off (rows,).
 
-        Args:
-            goal: where the tool is wanted.
-            x: posture before.
-            rows: 6, or 3: the position alone.
+        rows: 6, or 3 for the position alone.
         """
         x = np.clip(x, self.low, self.high)
         for _ in range(_PASSES):
@@ -115,15 +111,9 @@ def solve_tool_points(
 ) -> tuple[WayPointFile, dict[int, BSpline]]:
     """Return the file with positions of all joints, and the joints' paths of straight moves.
 
-    Args:
-        waypoints: the file.
-        scene: the robot, with its `tool`.
-        columns: (nj,) its joints.
-        source: the file, for messages.
-
     Returns:
         The file, with `q` at each point; number of a point -> spline of (nj,) positions over the
-        move's way from 0 to 1.
+            move's way from 0 to 1.
 
     Raises:
         TrajectoryError: no tool, a place out of reach (by how far), a line on which the posture

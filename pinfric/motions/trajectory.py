@@ -1,7 +1,7 @@
 """Trajectories: what the joints do over time and what the robot carries meanwhile.
 
-A file has one number per joint, an angle or a length; `Trajectory` has Pinocchio's q (a continuous
-joint has cos and sin there; a mimic follower has nothing, its leader's column moves both).
+A file has one number per joint; `Trajectory` has Pinocchio's q (cos and sin of a continuous joint,
+nothing of a mimic follower).
 """
 
 from __future__ import annotations
@@ -88,8 +88,7 @@ class Trajectory:
         source: where it came from, for messages.
         joint_nq: entries of q per joint in `joint_names` (2: continuous); default 1 each.
         warnings: what a person should look at (velocity limits exceeded, noisy derivatives).
-        reading: how a file with samples was read: what was dropped, filtered, converted; None for
-            way-points and arrays.
+        reading: how a file of samples was read; None for way-points and arrays.
 
     Raises:
         TrajectoryError: no samples, shapes that do not agree, time not increasing, not finite.
@@ -150,10 +149,7 @@ class Trajectory:
 
         Args:
             scene: its model and payloads.
-            t: (T,) increasing, s.
-            q: (T, nq) Pinocchio's configurations.
-            v: (T, nv) or None.
-            a: (T, nv) or None.
+            t, q, v, a: as the attributes; v and a may be None.
             attached: payload name -> (T,) bool or one bool; others as the scene's defaults.
             source: name for messages.
 
@@ -252,9 +248,7 @@ class Trajectory:
         return single_positions(self.q, self.joint_nq)
 
     def with_speed(self, scale: float) -> Trajectory:
-        """Return the same path run `scale` times as fast: t / scale, v scale, a scale^2.
-
-        The warnings are left behind; `velocity_warnings` gives those of the new speed.
+        """Return the same path `scale` times as fast: t / scale, v scale, a scale^2; no warnings.
 
         Raises:
             TrajectoryError: scale is not positive.
@@ -284,13 +278,9 @@ class Trajectory:
         )
 
     def to_csv(self, path: str | Path, digits: int = 9) -> Path:
-        """Write the file that `load_trajectory` reads: t, positions, .v, .a, payload columns.
+        """Write the file that `load_trajectory` reads, to `digits` significant digits (17: all).
 
         Continuous joints are written as unwrapped angles (the first within +-pi).
-
-        Args:
-            path: the file to write.
-            digits: significant digits; 17 keeps every bit.
 
         Raises:
             TrajectoryError: a joint with several degrees of freedom; the file cannot be written.
@@ -319,21 +309,21 @@ def load_trajectory(
 ) -> Trajectory:
     """Read a log, a table of samples or a way-point file (YAML, `waypoints`) and fit it to a scene.
 
-    Samples: CSV, Parquet or a ROS 2 bag; a column of time and one per joint (rad, m), under the
-    names that robots and their tools give them (`log.columns`). In our own dialect `t` (s) and
-    `<joint>`, optionally `<joint>.v`, `<joint>.a`, and `payload.<name>` with 1 where the payload is
-    carried (default: as the scene says). Missing derivatives come from splines, holds have none
-    (`derivatives`); noisy positions are low-passed first (`log.motion`), as `reading` tells.
+    Samples (CSV, Parquet, a ROS 2 bag) have columns as `log.columns` recognises them; in our own
+    format `t` (s) and `<joint>` (rad, m), optionally `<joint>.v`, `<joint>.a`, and
+    `payload.<name>`, 1 where it is carried (default: as the scene says). Missing derivatives come
+    from splines, holds have none (`derivatives`); noisy positions are low-passed first
+    (`log.motion`).
 
     Args:
-        path: the file, or a bag's folder; where there is none, the bundled one of that name; or
-            the arrays of a log.
+        path: the file, or a bag's folder; where there is none, the bundled one of that name; or the
+            arrays of a log.
         scene: its model and payloads.
         options: what a person says about a log's columns, units and cutoff.
 
     Raises:
         TrajectoryError: everything wrong with the file, in one message. Velocities beyond the
-            model's limits are not an error: they stand in `warnings`.
+            model's limits are only `warnings`.
 
     Warns:
         PinfricWarning: each of the trajectory's `warnings`: what was guessed, repaired or filtered.
@@ -355,7 +345,7 @@ def read_trajectory(
     scene: HasModel,
     options: ReadingOptions = ReadingOptions(),  # noqa: B008
 ) -> Trajectory:
-    """Do what `load_trajectory` does, for callers that pass its `warnings` on themselves."""
+    """Do what `load_trajectory` does, for callers that show its `warnings` themselves."""
     if not (hasattr(scene, "model") and hasattr(scene, "payloads")):
         expect_scene(scene, "load_trajectory")
     if isinstance(path, Log):
@@ -414,7 +404,7 @@ def _from_table(
 ) -> Trajectory:
     """Check limits, complete derivatives and make Pinocchio's q; raise with all that is wrong.
 
-    `filtered` derivatives come from each joint by itself, as those of splines do.
+    `filtered`: derivatives come from each joint by itself, as those of splines do.
     """
     followers = find_followers(scene, columns)
     wrong = [*problems]

@@ -1,16 +1,14 @@
 """Way-points: a motion written as a list of positions, holds and payload phases (YAML).
 
-Joints start and stop together; every way-point is a full stop (v = 0), and at the ends of a
-quintic move the acceleration is 0 too. With s = (t - t_start)/T from 0 to 1, q = q_0 + b(s) D:
+Joints start and stop together at every way-point. With s = (t - t_start)/T, q = q_0 + b(s) D:
 
     quintic      b = 10 s^3 - 15 s^4 + 6 s^5,  peak velocity 15 |D| / (8 T)
     trapezoidal  b' = s/(r (1 - r)) up to 1/(1 - r), down alike,  peak velocity |D| / ((1 - r) T)
 
-r is `ramp`, the part of T spent speeding up (0.5: a triangle, 1/3 by default). A point without
-`duration` takes T = max over joints of k |D| / (speed x velocity limit), k = 15/8 or 1/(1 - r),
-rounded up to whole sample periods. No move takes less than four of them. Equations: Biagiotti &
-Melchiorri, Trajectory Planning for Automatic Machines and Robots (2008), chapters 2 (quintic) and
-3 (trapezoidal).
+r is `ramp`, the part of T spent speeding up (0.5: a triangle). Without `duration` a point takes T =
+max over joints of k |D| / (speed x velocity limit), k = 15/8 or 1/(1 - r), rounded up to whole
+sample periods, four at least. Equations: Biagiotti & Melchiorri, Trajectory Planning for Automatic
+Machines and Robots (2008), chapters 2 and 3.
 """
 
 from __future__ import annotations
@@ -146,7 +144,7 @@ class WayPointFile(Entry):
 class Move:
     """From one stop to the next: start, duration (s), from and to (nj,); then a hold (s).
 
-    `line`: the positions (nj,) over the way from 0 to 1; without it joints move straight.
+    `line`: positions (nj,) over the way from 0 to 1; None: joints move straight.
     """
 
     start: float
@@ -170,8 +168,7 @@ class Move:
 def quintic(s: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return b, db/ds, d2b/ds2 of b = 10 s^3 - 15 s^4 + 6 s^5, which goes from rest to rest.
 
-    Args:
-        s: (T,) elapsed part of the duration, 0 to 1.
+    s: (T,) elapsed part of the duration, 0 to 1.
     """
     return (
         s**3 * (10.0 - 15.0 * s + 6.0 * s**2),
@@ -181,11 +178,11 @@ def quintic(s: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
 
 
 def trapezoidal(s: FloatArray, ramp: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return b, db/ds, d2b/ds2 of a trapezoidal velocity; accelerations jump, right value taken.
+    """Return b, db/ds, d2b/ds2 of a trapezoidal velocity; where d2b/ds2 jumps, its next value.
 
     Args:
         s: (T,) elapsed part of the duration, 0 to 1.
-        ramp: the part of the duration spent speeding up, and again slowing down; (0, 0.5].
+        ramp: part of it spent speeding up, and again slowing down; (0, 0.5].
     """
     peak = 1.0 / (1.0 - ramp)
     slope = peak / ramp
@@ -225,15 +222,13 @@ def sample_waypoints(
 ) -> TrajectoryTable:
     """Turn way-points into samples at `sample_rate`; the end is a sample too, on the grid or not.
 
-    v = a = 0 exactly in holds, both ends included. Where a point has no hold, the sample on it
-    takes the acceleration of the move that follows.
+    v = a = 0 exactly in holds, both ends included. Without a hold, the sample on a point takes the
+    acceleration of the move that follows.
 
     Args:
-        waypoints: the file.
-        columns: (nj,) the model's joints in its order; columns of the answer.
+        waypoints: the file. columns: (nj,) the model's joints in its order.
         payloads: name -> attached at the start.
-        source: the file, for messages.
-        lines: of `solve_tool_points`.
+        source: the file, for messages. lines: of `solve_tool_points`.
 
     Raises:
         TrajectoryError: what is wrong with the points or their durations, all at once.
@@ -267,10 +262,7 @@ def way_points(
     payloads: Mapping[str, bool],
     source: str,
 ) -> FloatArray:
-    """Return the positions (number of points, nj) in the model's order of joints, without times.
-
-    Args:
-        waypoints, columns, payloads, source: see `sample_waypoints`.
+    """Return the positions (points, nj) in the model's order of joints, without times.
 
     Raises:
         TrajectoryError: what is wrong with the points, all at once.
@@ -284,10 +276,9 @@ def way_points(
 
 
 def carried_on(waypoints: WayPointFile, payloads: Mapping[str, bool]) -> BoolArray:
-    """Return (number of points, np) which payloads are carried from each point on.
+    """Return (points, np) which payloads are carried from each point on.
 
     Args:
-        waypoints: the file.
         payloads: name -> attached at the start.
     """
     carried, rows = dict(payloads), []
@@ -395,7 +386,7 @@ def _plan_moves(
     problems: list[str],
     lines: Mapping[int, BSpline],
 ) -> list[Move]:
-    """Give every move its start and duration; the first is the stay at the first point."""
+    """Give every move its start and duration, s; the first is the stay at the first point."""
     first = waypoints.points[0]
     moves = [Move(0.0, 0.0, stops[0], stops[0], first.hold)]
     for index, point in enumerate(waypoints.points[1:], start=1):
@@ -431,7 +422,7 @@ def _plan_moves(
 def _shortest_duration(
     waypoints: WayPointFile, distance: FloatArray, velocity_limits: FloatArray
 ) -> float:
-    """T = max k |D| / (speed v_max), up to whole sample periods (see the module's docstring)."""
+    """The T of the module's docstring, s."""
     if not distance.any():
         return 0.0
     peak = 15.0 / 8.0 if waypoints.profile == "quintic" else 1.0 / (1.0 - _ramp(waypoints))
@@ -472,6 +463,6 @@ def _sample_moves(
 
 
 def _first_moving_sample(move: Move, t: FloatArray) -> int:
-    """The first sample of the next move: after a hold its last instant is still the hold's."""
+    """The first sample of the next move: the last instant of a hold is still the hold's."""
     shift = _SAME_INSTANT if move.hold > 0.0 else -_SAME_INSTANT
     return int(np.searchsorted(t, move.departure + shift))

@@ -26,7 +26,7 @@ _FEW = 100
 
 
 def is_bag(path: Path) -> bool:
-    """Whether a path is a bag's file or folder, and there."""
+    """Whether a path is that of a bag's file or folder."""
     is_file = path.suffix.lower() in (".db3", ".mcap") and path.is_file()
     return is_file or (path / "metadata.yaml").is_file()
 
@@ -35,9 +35,7 @@ def is_bag(path: Path) -> bool:
 class _Messages:
     """Messages that name the same joints, as packed numbers: a message object takes 2 kB.
 
-    Args:
-        order: which messages of the topic they are.
-        values: field -> numbers of all messages, one message after another.
+    `order`: their numbers in the topic; `values`: field -> numbers, message after message.
     """
 
     order: array[int] = field(default_factory=lambda: array("q"))
@@ -53,14 +51,9 @@ class _Messages:
 
 
 def open_bag(path: Path, joint_names: Sequence[str]) -> OpenedLog:
-    """Read the joint states of a bag.
+    """Read the joint states of a bag: of the topic that names most of the joints.
 
-    Times are those of the messages' headers; where these stand still, those at which the bag got
-    the messages.
-
-    Args:
-        path: .db3 or .mcap, or the folder with metadata.yaml.
-        joint_names: the joints that are looked for, where a bag has several such topics.
+    Times are those of the messages' headers; where these stand still, those of their reception.
 
     Raises:
         TrajectoryError: damaged, no joint states, several topics to choose from, no `rosbags`.
@@ -102,7 +95,7 @@ def open_bag(path: Path, joint_names: Sequence[str]) -> OpenedLog:
 
 
 def _chosen_topic(path: Path, reader: Any, topics: list[str], joint_names: Sequence[str]) -> str:
-    """The one topic whose messages name the most of the joints that are looked for."""
+    """The one topic whose messages name most of the joints."""
     states = [c for c in reader.connections if c.msgtype == JOINT_STATE and c.msgcount]
     if not states:
         raise TrajectoryError(
@@ -125,7 +118,7 @@ def _chosen_topic(path: Path, reader: Any, topics: list[str], joint_names: Seque
 def _joint_states(
     path: Path, reader: Any, topic: str
 ) -> tuple[IntArray, dict[tuple[str, ...], _Messages]]:
-    """Return a topic's times (ns) and its messages by the joints that they name, at least one."""
+    """Return a topic's times (ns) and its messages by the joints that they name."""
     headers, received = array("q"), array("q")
     groups: dict[tuple[str, ...], _Messages] = {}
     states = [c for c in reader.connections if c.topic == topic and c.msgcount]

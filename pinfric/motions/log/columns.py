@@ -1,8 +1,8 @@
 """Which column of a log is what: time, a joint's position, velocity, effort, a payload.
 
-Names as robots and their tools write them are recognised: the joint's own name, alone or with a
-quantity before or after it (`elbow_joint`, `/joint_states/elbow_joint/position`, `q_elbow_joint`),
-and numbered columns beside columns of names (`position_0`, `name_0`). A mapping file says the rest.
+Recognised are the joint's own name, alone or with a quantity before or after it (`elbow_joint`,
+`/joint_states/elbow_joint/position`, `q_elbow_joint`), and numbered columns beside columns of names
+(`position_0`, `name_0`). A mapping file says the rest.
 """
 
 from __future__ import annotations
@@ -133,8 +133,8 @@ class Use:
 class Columns:
     """What the columns of a log are; joints by name.
 
-    `planned` holds velocities and accelerations that count (`<joint>.v`, `.a` of our own files);
-    `velocity` measured ones, which are only compared.
+    `planned`: velocities and accelerations count (`<joint>.v`, `.a` of our own files); measured
+    ones are only compared.
     """
 
     time: str = ""
@@ -159,7 +159,7 @@ class Columns:
 
 
 def read_mapping(path: Path, stated: Path | str | None) -> ColumnsFile | None:
-    """Read the mapping file that was given, or LOG.columns.yaml beside the log; None: no such file.
+    """Read the mapping file that was named, or LOG.columns.yaml beside the log; None: no such file.
 
     Raises:
         TrajectoryError: unreadable, unknown keys, values that cannot be.
@@ -184,13 +184,10 @@ def find_columns(
     """Say which column is what.
 
     Args:
-        header: all columns.
-        first: the first row's texts.
-        joints: those that may have columns.
-        payloads: those that may have a column `payload.<name>`.
-        mapping: what a person says of it.
+        header: all columns. first: the first row's texts. mapping: what a person says of it.
+        joints, payloads: those that may have columns.
         said: what is missing, twice there or unknown is added here.
-        currents: joints whose current, where there is no effort, is read in its place.
+        currents: joints whose current is read where there is no effort.
     """
     columns, problems = Columns(), said.problems
     names = [joint.name for joint in joints]
@@ -249,7 +246,7 @@ def _take_in_order(
 ) -> None:
     """Take columns that only number the joints in the scene's order, if there is one for each.
 
-    Such are `actual_q_0` to `actual_q_5`, `q1` to `q6`, `joint_1_position`, `A1` and so on.
+    For example `actual_q_0` to `actual_q_5`, `q1` to `q6`, `joint_1_position`, `A1`.
     """
     groups: dict[tuple[str, str], dict[int, str]] = {}
     for column in dict.fromkeys(header):
@@ -305,10 +302,7 @@ def meaning_of(
 ) -> tuple[str, str] | None:
     """Return the joint and the quantity that a column's name says.
 
-    Args:
-        column: its name.
-        names: of joints.
-        numbered: number -> joint, of columns that only number the joints.
+    `numbered`: number -> joint, of columns that only number the joints.
     """
     if len(column) > _LONGEST_NAME:
         return None
@@ -388,7 +382,7 @@ def _apply(
     columns: Columns,
     problems: list[str],
 ) -> None:
-    """What a mapping says goes before what names suggest."""
+    """A mapping overrules what names suggest."""
     for joint, entry in mapping.joints.items():
         if joint not in names:
             problems.append(

@@ -1,9 +1,8 @@
 """CSV files as robots and their tools write them.
 
 Commas, semicolons, tabs or spaces separate cells; a comma is decimal where it cannot separate; the
-file may be gzipped. pandas reads it in parts. A file with something unusual in it (comments, empty
-lines between rows, torn rows, cells that are no numbers) is read line by line, and so is a small
-one, for which loading pandas would take longer.
+file may be gzipped. pandas reads it in parts; a small or unusual file (comments, empty lines, torn
+rows, cells that are no numbers) is read line by line.
 """
 
 from __future__ import annotations
@@ -57,13 +56,8 @@ class _Table:
     """How a file is written, and its rows, or the first of them.
 
     Args:
-        path: the file.
-        header: names of the columns.
-        lines: (rows,) where the rows stand in the file.
-        rows: their texts.
-        separator: of cells.
+        lines: (rows,) of the rows in the file. rows: their texts. separator: of cells.
         comma: whether numbers have decimal commas.
-        notes: what a person should know of it.
         rewritten: the rows are not those of the file.
     """
 
@@ -86,7 +80,7 @@ class _Table:
 
 
 def open_csv(path: Path) -> OpenedLog:
-    """Open a CSV file, gzipped where it ends in .gz; of its rows only the first are read yet.
+    """Open a CSV file, gzipped where it ends in .gz; only its first rows are read yet.
 
     Raises:
         TrajectoryError: unreadable, not text, empty, too large, or lines that cannot be split.
@@ -260,10 +254,10 @@ def _number(cell: str) -> float | None:
 
 
 def _numbered_lines(path: Path, most: int = -1) -> list[tuple[int, str]]:
-    """Return the lines that are not empty, with their numbers; comments apart, except a header.
+    """Return the lines that are not empty, with their numbers, without comments.
 
-    Of a file longer than `most` characters only the whole lines in these, or in more if these hold
-    no rows. A comment right above the numbers is their header if it has as many names
+    Of a file longer than `most` characters only whole lines within these, or within more if they
+    hold no rows. A comment above the numbers is their header if it has as many names
     (`np.savetxt`).
     """
     with _unreadable_said(path), _opened(path, "rt") as file:
@@ -353,7 +347,7 @@ def _sorted_by_names(table: _Table) -> _Table:
 
 
 def _joint_place(table: _Table) -> int | None:
-    """Where the joint stands of which each row is, in a table with one row a joint; else None."""
+    """Place of the cell that names the joint, in a table with one row a joint; else None."""
     first = cells_of(table.rows[0], table.separator)
     for place, (column, cell) in enumerate(zip(table.header, first, strict=False)):
         if column.lower() in _JOINT_COLUMNS and _number(cell) is None:
@@ -364,8 +358,7 @@ def _joint_place(table: _Table) -> int | None:
 def _one_row_a_time(table: _Table, place: int) -> _Table:
     """Return a table with one row for each time, of one with a row for each joint and time.
 
-    A row's time is its first cell; columns are `joint/position` and so on. Rows of which the joint
-    or the time is missing stay torn.
+    A row's time is its first cell; columns are `joint/position` and so on.
     """
     width, others = len(table.header), [i for i in range(1, len(table.header)) if i != place]
     merged: dict[str, dict[str, list[str]]] = {}
@@ -395,8 +388,8 @@ def _one_row_a_time(table: _Table, place: int) -> _Table:
 def _echoed(cells: Sequence[str]) -> list[str] | None:
     """Return column names for a row of `ros2 topic echo --csv` of joint states; else None.
 
-    That writes no header: the stamp's s and ns, the frame, n names, n positions, velocities,
-    efforts; one of the last two may be missing, and nothing says which.
+    That writes no header: the stamp's s and ns, the frame, n names, positions, velocities, efforts;
+    one of the last two may be missing, and nothing says which.
     """
     is_word = [_number(cell) is None for cell in cells]
     count = [*is_word[3:], False].index(False)

@@ -1,6 +1,4 @@
-"""What a log's efforts are: torques at the motors' shafts, the same reflected to the joints, or
-efforts behind the gears.
-"""
+"""What a log's efforts are: motor torques, these times the gear ratios, or efforts behind gears."""
 
 from __future__ import annotations
 
@@ -39,12 +37,7 @@ def factors_to_joint(scene: Scene, at: str) -> FloatArray:
 
 
 def place_note(scene: Scene, at: str) -> str:
-    """Return what a log's efforts are taken for, and how to say otherwise; "" where it is the same.
-
-    Args:
-        scene: with the drives' ratios.
-        at: one of `EFFORT_PLACES`.
-    """
+    """Return what a log's efforts are taken for, and how to say otherwise; "" if it is the same."""
     ratios = np.unique(np.abs(drive_ratios(scene)))
     if (ratios == 1.0).all():
         if at != "motor":
@@ -64,9 +57,7 @@ def place_note(scene: Scene, at: str) -> str:
 def better_place(at: str, errors: Mapping[str, float]) -> str:
     """Return a line where the log's efforts fit another place clearly better; else "".
 
-    Args:
-        at: what the efforts were taken for.
-        errors: place -> median over the drives of the relative error of their logged efforts.
+    `errors`: place -> median of the drives' relative errors.
     """
     best = min(errors, key=errors.__getitem__)
     if not errors[best] < _FITS_BETTER * errors[at]:

@@ -84,7 +84,7 @@ def _is_list(kind: Any) -> bool:
 
 
 def _arrow_lists(name: str, column: Any) -> dict[str, NDArray[Any]]:
-    """Columns `name_0` and on of lists that are all as long; else none."""
+    """Columns `name_0` and on of lists of equal length; else none."""
     rows = column.to_pylist()
     lengths = {len(row) for row in rows if row is not None}
     if len(lengths) != 1 or not (width := lengths.pop()):
@@ -94,7 +94,7 @@ def _arrow_lists(name: str, column: Any) -> dict[str, NDArray[Any]]:
 
 
 def _arrow_numbers(column: Any, kind: Any) -> NDArray[Any]:
-    """A column's numbers; NaN where there is none, times then from the first one on."""
+    """A column's numbers, NaN where there is none; times with gaps count from the first one."""
     import pyarrow as pa
     import pyarrow.compute as pc
 

@@ -49,7 +49,7 @@ class Remarks:
     """What the steps of reading say.
 
     Attributes:
-        problems: all that is wrong: one message refuses the file.
+        problems: all that is wrong, for one message that refuses the file.
         notes: what was guessed, repaired or left out.
     """
 
@@ -57,7 +57,7 @@ class Remarks:
     notes: list[str] = field(default_factory=list)
 
     def ask(self, check: Callable[..., list[str]], *of: Any) -> None:
-        """Add what a check finds where nothing is wrong; else it would blame what follows."""
+        """Add what a check finds, unless something is wrong already, which it would blame again."""
         if not self.problems:
             self.problems += check(*of)
 
@@ -67,11 +67,10 @@ class LogFrame:
     """Numbers of the columns that were asked for.
 
     Args:
-        names: (n,) the columns.
-        values: (rows, n); of rows as they were read NaN where there was no number.
-        lines: (rows,) where each row stands in the file.
+        names: (n,) the columns. values: (rows, n); NaN: no number.
+        lines: (rows,) of the rows in the file.
         resolution: column -> the last digit printed; left out: not rounded.
-        origin: column -> whole number subtracted from it, so that the rest is exact.
+        origin: column -> whole number subtracted from it, so that the others are exact.
         dropped, why: how many rows were left out, and which.
         absent: rows without a number in any of the columns but the first.
     """
@@ -95,11 +94,9 @@ class OpenedLog:
     """An opened file: its columns, a function that reads some of them, and notes on the file.
 
     Args:
-        header: all columns.
-        read: names of columns and a list for problems -> their numbers.
+        read: names of columns, a list for problems -> their numbers.
         first: the first row's texts, for columns that hold names.
-        recorded: no file of ours: velocities in it are measured, not part of a plan.
-        notes: what a person should know of the file.
+        recorded: whether velocities in it are measured, not part of a plan.
         units: column -> unit, where the file itself says it.
     """
 
@@ -116,11 +113,9 @@ class RawRows:
     """Rows as they were read.
 
     Args:
-        frame: all of them.
         unreadable: (rows, n) there was no number.
-        torn: where rows with another number of cells stand, and how many they have.
-        width: how many cells a row should have.
-        cut: the only torn row is the last one: the log was cut off while it was written.
+        torn: rows with another number of cells. width: number of cells of the others.
+        cut: only the last row is torn: the log was cut off while it was written.
         cell: what stood at row, column.
     """
 
@@ -138,7 +133,7 @@ def arrays_log(
     notes: tuple[str, ...] = (),
     recorded: bool = False,
 ) -> OpenedLog:
-    """Return the log that columns of numbers are; whole numbers keep all their digits."""
+    """Return columns of numbers as a log; whole numbers keep all their digits."""
 
     def read(names: Sequence[str], problems: list[str]) -> LogFrame:
         origin, parts = {}, []
@@ -158,7 +153,7 @@ def arrays_log(
 def usable_rows(rows: RawRows, problems: list[str]) -> LogFrame:
     """Leave out the rows that cannot be used: few of them are dropped, many are problems.
 
-    Rows that have no number but in the first column belong to another source in the same file.
+    Rows without a number but in the first column belong to another source in the same file.
     """
     frame = rows.frame
     finite = np.isfinite(frame.values).all(axis=1)
@@ -244,11 +239,7 @@ class Log:
     name: str = "log"
 
     def opened(self, joints: Sequence[str]) -> OpenedLog:
-        """Return the file that it would be.
-
-        Args:
-            joints: the scene's, in its order.
-        """
+        """Return the samples as an opened file, by the names of the scene's joints in its order."""
         t, shape = np.asarray(self.t), (np.size(self.t), len(joints))
         columns: dict[str, Any] = {"t": t}
         for quantity, array in (("", self.q), ("/velocity", self.v), ("/effort", self.effort)):

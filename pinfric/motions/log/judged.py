@@ -60,8 +60,7 @@ class JudgedLog:
             filtered, or where loops close.
         peak_uncertainty: drive -> the same of its peak.
         measured: drive -> its own effort in the log, compared.
-        at: see `judge_log`.
-        notes: what its efforts were taken for.
+        at: one of `EFFORT_PLACES`. notes: what its efforts were taken for.
     """
 
     reading: Reading
@@ -108,15 +107,10 @@ def log_summary(log: JudgedLog) -> LogSummary:
 def judge_log(result: InverseResult, reading: Reading, at: str = "reflected") -> JudgedLog:
     """Return how far the efforts of a log are known and how they fit the log's own.
 
-    Noise and low pass change an effort by du = sum_k du/da_k da_k + du/dv_k dv_k, with du/da_k and
-    du/dv_k from inverse dynamics of disturbed motions. It may be off by three standard deviations
-    of the noise's part, by what a cutoff lower by 1/sqrt(2) would change, and by twice the RMS of
-    what is cut away.
-
-    Args:
-        result: inverse dynamics of the log's motion, with times.
-        reading: of that log.
-        at: what its efforts are, one of `EFFORT_PLACES`.
+    Noise and low pass change an effort by du = sum_k du/da_k da_k + du/dv_k dv_k, with derivatives
+    from inverse dynamics of disturbed motions. It may be off by three standard deviations of the
+    noise's part, by what a cutoff lower by 1/sqrt(2) would change, and by twice the RMS of what is
+    cut away. `at`: what the log's efforts are, one of `EFFORT_PLACES`.
 
     Raises:
         TrajectoryError: there is no such place.
@@ -176,9 +170,7 @@ def _place_notes(
 def measured_interval(result: InverseResult, at: str) -> tuple[FloatArray, FloatArray]:
     """Return the least and greatest effort (T, na) where it is measured, as seen at the joint.
 
-    Args:
-        result: of inverse dynamics.
-        at: "joint": behind the gear; "motor" or "reflected": r times the motor's torque.
+    `at`: "joint": behind the gear; "motor" or "reflected": r times the motor's torque.
     """
     if at == "joint":
         return result.effort_lower, result.effort_upper
@@ -188,13 +180,9 @@ def measured_interval(result: InverseResult, at: str) -> tuple[FloatArray, Float
 def compare_effort(
     result: InverseResult, drive: int, measured: FloatArray, at: str = "reflected"
 ) -> MeasuredEffort:
-    """Compare a measured effort with a drive's, the nearest value of its interval at rest.
+    """Compare a measured effort (T,) with a drive's, at rest with the nearest of its interval.
 
-    Args:
-        result: with times.
-        drive: its column.
-        measured: (T,) N m or N, stated at the joint.
-        at: what it is; see `measured_interval`.
+    It is stated at the joint, N m or N, measured where `at` says (`measured_interval`).
     """
     t, finite = result.times, np.isfinite(measured)
     name, unit = result.actuator_names[drive], effort_unit(result.scene, drive)

@@ -73,10 +73,8 @@ class Samples:
         columns: (nj,) the joints.
         table: the motion; NaN where velocity or acceleration is to be derived.
         rows: (T,) number of the row, with a fraction where a sample lies between two.
-        reading: what was found and done.
-        problems: what cannot be mended.
-        recorded: the file holds measurements; they are put on regular times, with or without noise,
-            because filters expect that.
+        reading: what was found and done. problems: what cannot be mended.
+        recorded: whether the file holds measurements: these are put on regular times for filters.
         logged: (T, nj) measured velocities, rad/s or m/s, NaN where there are none: they tell when
             rows were taken.
         every: of how many samples the table has one; `rows` are those of all.
@@ -119,11 +117,10 @@ class Regular:
     """Samples on regular times, and the rows behind them.
 
     Args:
-        even: the samples on regular times.
-        step: s between them.
+        even: the samples on regular times. step: s between them.
         position: (rows, nj) as read, rad or m.
         t: (rows,) when they were taken, s; None: at the regular times.
-        spread: by how much more noise the regular samples carry at low frequencies than the rows.
+        spread: factor on the rows' noise at low frequencies in the regular samples.
     """
 
     even: Samples
@@ -137,9 +134,7 @@ def unwrapped(columns: Sequence[JointColumn], position: FloatArray, notes: list[
     """Return angles without jumps of a whole turn, a limited joint's within its limits.
 
     Args:
-        columns: (nj,) the joints.
-        position: (T, nj) rad or m.
-        notes: joints with limits that were unwrapped are named here.
+        position: (T, nj) rad or m. notes: joints that were unwrapped are named here.
     """
     result = position
     for i, column in enumerate(columns):
@@ -165,11 +160,8 @@ def unwrapped(columns: Sequence[JointColumn], position: FloatArray, notes: list[
 def regularise(samples: Samples) -> Regular | None:
     """Leave out rows that repeat the row before, and return the motion on regular time.
 
-    Args:
-        samples: of a file's rows; time increases but for jitter, positions are finite, unwrapped.
-
-    Returns:
-        None for a plan with all its derivatives, and for few rows: these stay as they are.
+    None for a plan with all its derivatives, and for few rows: these stay as they are. Positions
+    must be finite and unwrapped, and time increase but for jitter.
     """
     _leave_out_repeats(samples)
     table = samples.table
@@ -189,10 +181,7 @@ def regularise(samples: Samples) -> Regular | None:
 def smooth(samples: Samples, regular: Regular | None, options: ReadingOptions) -> Samples:
     """Return the motion without its noise; one that has none, or was planned, unchanged.
 
-    Args:
-        samples: as `regularise` leaves them.
-        regular: what it returned.
-        options: the cutoff, the thinning.
+    `samples` and `regular` are those of `regularise`.
     """
     if regular is None:
         return samples
@@ -226,11 +215,7 @@ def smooth(samples: Samples, regular: Regular | None, options: ReadingOptions) -
 
 
 def _leave_out_repeats(samples: Samples) -> None:
-    """Leave out the rows that repeat a row before them.
-
-    Times are those of the source, where rows that follow at its rate have clearly less noise than
-    rows at the recorder's stamps.
-    """
+    """Leave out repeated rows; times become the source's where that clearly reduces the noise."""
     position = samples.table.position
     if np.isfinite(samples.table.acceleration).any():
         return
@@ -286,9 +271,8 @@ def _clearly_less(pairs: Sequence[tuple[FloatArray, FloatArray]]) -> bool:
 def _on_regular_time(samples: Samples, timing: Timing) -> Regular:
     """Return the samples on regular time.
 
-    Either the stamps jitter and the rows were taken regularly, or the stamps are right. Taken is
-    what fits the logged velocities better; without any, what leaves less noise in the positions.
-    Stamps that wander are taken as right.
+    Either the stamps jitter, or they are right: by the logged velocities, without any by the noise
+    of the positions. Stamps that wander are right.
     """
     position, stamps = samples.table.position, samples.table.t
     if not timing.irregular:
@@ -360,10 +344,7 @@ def _by_stamps(even: Samples, timing: Timing) -> Regular:
 
 
 def _resample(even: Samples, timing: Timing, order: FloatArray, position: FloatArray) -> None:
-    """Take positions at regular times, at `order` in the rows; all else is of the row before.
-
-    Samples between rows have no rounding of their own.
-    """
+    """Take positions at regular times, at `order` in the rows; all else is of the row before."""
     even.keep(np.floor(order + 1e-9).astype(np.int64), timing.time)
     even.table = replace(even.table, position=position)
     even.rows = np.interp(order, np.arange(even.rows.size), even.rows)
@@ -453,7 +434,7 @@ def _chosen_pass(
     is_noisy: bool,
     stated: float | str | None,
 ) -> _Pass:
-    """Return the low pass that a joint needs, or of the cutoff that was given if it moves."""
+    """Return the low pass that a joint needs, or with the stated cutoff if it moves."""
     moves = sum(last - first + 1 for first, last in holds) < q.size
     if not moves or stated == "none" or (stated is None and not is_noisy):
         return _Pass()
@@ -469,10 +450,8 @@ def _leave_out_ends(even: Samples, moving: BoolArray, ends: FloatArray, step: fl
     """Leave out the ends of a log in which a joint moves: there a low pass has one side only.
 
     Args:
-        even: the filtered motion.
         moving: (T, nj) where a joint is not held.
         ends: (nj,) how long its low pass is unreliable at an end, s.
-        step: s between samples.
     """
     count, stride, uncertain = len(moving), even.every, even.reading.uncertain
     first, last = (
@@ -508,8 +487,7 @@ def _low_passed(
 ) -> tuple[list[NDArray[Any]], list[float]]:
     """Return one joint's motion, thinned; its whole columns fill much of the memory.
 
-    Its position, velocity, acceleration, shift, and where it moves (T,); sigma of velocity and
-    acceleration.
+    Position, velocity, acceleration, shift, where it moves (T,); sigma of velocity, acceleration.
     """
     t, step, cutoff, gaussian = regular.even.table.t, regular.step, chosen.cutoff, chosen.gaussian
     stride = thinning.every(step) if thinning else 1

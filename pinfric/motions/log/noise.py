@@ -1,9 +1,11 @@
 """Noise of logged positions: how much there is, where the signal ends, and the low pass between.
 
-White noise of standard deviation sigma has differences of order k with RMS sigma sqrt(C(2k, k)); a
-motion that is smooth over a few samples has hardly any of order six. So sigma comes from the
-positions alone. The noise of the acceleration follows from it: the one-sided power spectral density
-of its second difference is 2 sigma^2 dt |2 sin(pi f dt)|^4.
+Differences of order k of white noise have an RMS of sigma sqrt(C(2k, k)); a smooth motion has
+hardly any of order six, so sigma comes from the positions alone. The second difference has the
+one-sided power spectral density 2 sigma^2 dt |2 sin(pi f dt)|^4.
+
+Arguments: position (T,) of one joint, rad or m; t (T,) increasing, s, None: regular; step, s
+between samples; cutoff of a low pass, Hz; seen, the joint's spectra.
 """
 
 from __future__ import annotations
@@ -55,13 +57,9 @@ _CONTINUED, _FITTED = 4, 1.0
 def noise_level(position: FloatArray, t: FloatArray | None = None) -> float:
     """Return sigma = rms(diff^6 q) / sqrt(924) over the samples around which a joint moves.
 
-    At irregular times the divided differences of order six stand for diff^6, each over the
-    standard deviation that white noise of sigma 1 gives it. Where an encoder only flickers by a
-    count, sigma is that of rounding to counts.
-
-    Args:
-        position: (T,) rad or m.
-        t: (T,) increasing times, s; None: regular.
+    At irregular times divided differences replace diff^6, each over the standard deviation that
+    white noise gives it. Where an encoder only flickers by a count, sigma is that of rounding to
+    counts.
     """
     if (count := _flickers(position)) > 0.0:
         return count / math.sqrt(12.0)
@@ -70,33 +68,21 @@ def noise_level(position: FloatArray, t: FloatArray | None = None) -> float:
 
 
 def noise_differences(position: FloatArray, t: FloatArray) -> FloatArray:
-    """Return the differences of which `noise_level` is the RMS; none where an encoder flickers.
-
-    Args:
-        position: (T,) rad or m.
-        t: (T,) increasing times, s.
-    """
+    """Return the differences of which `noise_level` is the RMS; none where an encoder flickers."""
     return np.empty(0) if _flickers(position) > 0.0 else _differences(position, _ORDER, t)
 
 
 def noise_floor(position: FloatArray, t: FloatArray | None = None) -> float:
-    """Return the sigma of `noise_level` over all samples, those at rest too, for spectra.
-
-    Args:
-        position, t: as there.
-    """
+    """Return the sigma of `noise_level` over all samples, those at rest too, for spectra."""
     if (count := _flickers(position)) > 0.0:
         return count / math.sqrt(12.0)
     return float(np.sqrt(np.mean(_normalized_differences(position, _ORDER, t) ** 2)))
 
 
 def roughness(position: FloatArray, t: FloatArray | None = None) -> float:
-    """Return the RMS of the third differences that times leave, as sigma of the noise they make.
+    """Return the RMS of third differences over the given times, as sigma of the noise they make.
 
     High orders pass over bursts of rows and the pauses between them; this one does not.
-
-    Args:
-        position, t: as in `noise_level`.
     """
     return float(np.sqrt(np.mean(_normalized_differences(position, 3, t) ** 2)))
 
@@ -106,15 +92,9 @@ def noisy_joints(
 ) -> list[bool]:
     """Return which joints carry noise, if any of it would spoil accelerations; else none.
 
-    A motion counts as logged if a spline turns its noise into more than 1 % of a joint's
-    acceleration; 5 % where the file's digits explain the noise, because a planned motion may be
-    printed with few. In a log every noisy joint is filtered: each acceleration moves the others.
-
-    Args:
-        position: (T, nj) rad or m.
-        step: s between samples, the mean one.
-        resolution: (nj,) the last digit printed, rad or m.
-        t: (T,) increasing times, s; None: regular.
+    Noise spoils them if a spline turns it into more than 1 % of a joint's acceleration; 5 % where
+    the file's digits (`resolution`, (nj,)) explain it, because a planned motion may be printed with
+    few. Then every noisy joint is filtered: each acceleration moves the others.
     """
     noisy = [_is_noisy(q, t) for q in position.T]
     spoils = [
@@ -163,7 +143,7 @@ def _normalized_differences(position: FloatArray, order: int, t: FloatArray | No
     """Return divided differences over the deviation that white noise of sigma 1 gives them.
 
     sum_k w_k q_k / sqrt(sum_k w_k^2) with w_k = 1 / prod_(j != k) (t_k - t_j) over order + 1
-    samples; at regular times diff^order / sqrt(C(2 order, order)). Smooth motions leave nothing.
+    samples; at regular times diff^order / sqrt(C(2 order, order)).
     """
     if t is None:
         return np.diff(position, order) / math.sqrt(math.comb(2 * order, order))
@@ -183,10 +163,7 @@ def _normalized_differences(position: FloatArray, order: int, t: FloatArray | No
 def typical_noise(position: FloatArray, t: FloatArray | None = None, order: int = _ORDER) -> float:
     """Return sigma from the median of differences: the few samples at a kink do not count.
 
-    Args:
-        position: (T,) rad or m.
-        t: (T,) increasing times, s; None: regular.
-        order: of the differences; the median of Gaussian ones is 0.6745 of their RMS.
+    The median of Gaussian differences is 0.6745 of their RMS.
     """
     differences = _differences(position, order, t)
     if differences.size < _FEWEST:
@@ -199,10 +176,9 @@ class Spectra:
     """One-sided densities of the second difference of one joint's positions.
 
     Args:
-        step: s between samples.
-        frequency: (n,) Hz.
+        step: s between samples. frequency: (n,) Hz.
         motion, white: (n,) of the motion and of white noise, (rad or m)^2/Hz.
-        clear: how many times the noise's the density must be, not to be noise by chance.
+        clear: factor on the noise's density beyond which a density is no noise by chance.
     """
 
     step: float
@@ -213,13 +189,7 @@ class Spectra:
 
     @classmethod
     def of(cls, position: FloatArray, step: float, noise: float) -> Spectra:
-        """Return the spectra of positions.
-
-        Args:
-            position: (T,) rad or m at regular times.
-            step: s between samples.
-            noise: sigma of the white noise, over all samples, rad or m.
-        """
+        """Return the spectra of positions (T,) with white noise of sigma `noise`, rad or m."""
         from scipy.stats import chi2
 
         curvature = np.diff(position, 2)
@@ -255,15 +225,9 @@ def _density(x: FloatArray, rate: float, length: int) -> tuple[FloatArray, Float
 def signal_cutoff(seen: Spectra, gaussian: bool = False) -> float | None:
     """Return the cutoff (Hz) that leaves the least error in the acceleration; None: no low pass.
 
-    A low pass of gain G leaves an error of the acceleration whose mean square is expected to be
-    int (1 - G)^2 (D - N) + G^2 N df: motion taken away, and noise let through. D is Welch's
-    estimate of the spectral density of the second difference, N that of white noise; their
-    difference estimates the motion's without bias. Motion above a gap in the spectrum counts like
-    any other. In the second term N is taken four times, as noise is not always white.
-
-    Args:
-        seen: of the joint.
-        gaussian: of the low pass.
+    A gain G leaves an expected mean square error int (1 - G)^2 (D - N) + 4 G^2 N df: motion taken
+    away, and noise let through, four times because it is not always white. D is Welch's estimate of
+    the density of the second difference, N that of white noise.
 
     Source: Stein, Estimation of the Mean of a Multivariate Normal Distribution (1981): an unbiased
     estimate of the risk.
@@ -289,13 +253,9 @@ def _encoder_count(position: FloatArray) -> float:
 def acceleration_jumps(seen: Spectra, cutoff: float) -> bool:
     """Return whether the acceleration jumps, as it does in trapezoidal profiles.
 
-    The density of jumps falls as f^-2, so a share beyond f as f^-1: 95 % of the power reach 4 times
-    as far as 80 % do and twice as far as 90 %. Where only the jerk jumps it is 4^(1/3) = 1.6 times;
-    where one tone stands above the others, 95 % reach hardly farther than 90 %.
-
-    Args:
-        seen: of the joint.
-        cutoff: Hz, of the low pass.
+    The density of jumps falls as f^-2, so 95 % of the power reach 4 times as far as 80 % do and
+    twice as far as 90 %. Where only the jerk jumps it is 4^(1/3) = 1.6 times; where one tone stands
+    above the others, 95 % reach hardly farther than 90 %.
     """
     power = np.cumsum(np.maximum(seen.motion, 0.0) * (seen.frequency < cutoff))
     shares = power[-1] * np.array((0.8, 0.9, 0.95))
@@ -307,10 +267,6 @@ def motion_taken_away(seen: Spectra, cutoff: float, gaussian: bool) -> float:
     """Return the RMS acceleration that a low pass takes from the motion, rad/s^2 or m/s^2.
 
     Only frequencies count at which the density is far above that of the noise.
-
-    Args:
-        seen: of the joint.
-        cutoff, gaussian: of the low pass.
     """
     clear = seen.motion > (max(seen.clear, _UNCLEAR) - 1.0) * seen.white
     lost = (1.0 - _gain(seen.frequency, cutoff, gaussian)) ** 2 * np.maximum(seen.motion, 0.0)
@@ -326,19 +282,13 @@ def _gain(frequency: FloatArray, cutoff: float | FloatArray, gaussian: bool) -> 
 def low_pass(
     position: FloatArray, step: float, cutoff: float, gaussian: bool = False
 ) -> FloatArray:
-    """Return positions after a low pass without a shift in time.
+    """Return positions (T,) or (T, n) at regular times after a low pass without a shift in time.
 
     Its gain is 1 / (1 + (f / cutoff)^8), a Butterworth low pass of order four forward and backward.
-    That rings at a jump and makes a tenth more of it; a Gaussian one, 2^-(f / cutoff)^2,
-    does not, but takes more from a motion with much power just below the cutoff. Beyond both ends
-    the motion goes on as the polynomial of degree four through its last period of the cutoff does:
-    a reflection would set velocity or acceleration to zero there.
-
-    Args:
-        position: (T,) or (T, n) at regular times, rad or m, or anything else.
-        step: s between samples.
-        cutoff: Hz, where the gain is a half.
-        gaussian: the Gaussian one.
+    It overshoots a jump by a tenth; a Gaussian one, 2^-(f / cutoff)^2, does not, but takes more
+    from a motion just below the cutoff. Beyond both ends the motion goes on as a polynomial of
+    degree four through its last period of the cutoff: a reflection would set velocity or
+    acceleration to zero there.
     """
     from scipy.ndimage import gaussian_filter1d
     from scipy.signal import butter, sosfiltfilt
@@ -369,13 +319,7 @@ def _continued(position: FloatArray, span: int, fitted: int) -> FloatArray:
 def noise_gain(step: float, cutoff: float, order: int, gaussian: bool = False) -> float:
     """Return the standard deviation of a derivative of low-passed white noise of sigma 1.
 
-    sqrt(2 dt int (2 pi f)^(2 order) gain(f)^2 df) up to half the sampling rate, with the gain of
-    `low_pass`.
-
-    Args:
-        step: s between samples.
-        cutoff, gaussian: of the low pass.
-        order: of the derivative.
+    sqrt(2 dt int (2 pi f)^(2 order) gain(f)^2 df) up to half the sampling rate.
     """
     frequency = np.linspace(0.0, 0.5 / step, 4001)
     gain = _gain(frequency, cutoff, gaussian) * (2.0 * np.pi * frequency) ** order

@@ -72,12 +72,10 @@ def read_log(
 
     Args:
         source: the file, a bag's folder, or a log's arrays.
-        joints: all that may have a column.
-        payloads: those that may have a column `payload.<name>`.
+        joints, payloads: those that may have columns (`payload.<name>`).
         choose: names of the joints that have positions, problems -> the joints that must have.
-        options: what the person said.
-        said: everything wrong in the file is added here.
-        locked: joint -> where the scene fixes it, and the unit of that, "rad" or "m".
+        options: what the person said. said: everything wrong in the file is added here.
+        locked: joint -> where the scene fixes it, and in what, "rad" or "m".
 
     Raises:
         TrajectoryError: the file cannot be opened, or holds nothing to compute with.
@@ -137,10 +135,7 @@ def _open(path: Path, joints: Sequence[JointColumn]) -> OpenedLog:
 
 
 def _absurd(cells: LogFrame, columns: Columns) -> list[str]:
-    """Return numbers beyond those of any motion: units, noise and speeds cannot be asked of them.
-
-    Times have their own bounds: nanoseconds since 1970 are beyond 1e18.
-    """
+    """Return numbers beyond those of any motion, but times: these have their own bounds."""
     quantities = ("position", columns.position), ("velocity", columns.velocity)
     worst = {
         f"{what} of {joint}": np.nanmax(np.abs(column), initial=0.0, where=np.isfinite(column))
@@ -300,7 +295,7 @@ def _own_units(
     of_angles: list[float],
     stated: str | None,
 ) -> list[float]:
-    """Return rad per unit: what a column's header says, else that of the joint's angles."""
+    """Return rad per unit: by a column's header, else that of the joint's angles."""
     units = [None if stated or c.name not in uses else uses[c.name].unit for c in named]
     return [
         of_angle if unit is None or column.unit != "rad" else ANGLE_UNITS[unit]
@@ -317,7 +312,7 @@ def _seconds(
 ) -> FloatArray:
     """Return the rows' times in s, those of a clock from its first one on.
 
-    Rows without a time were written at one rate; those that were left out have theirs.
+    Rows without a time were written at one rate, those that were left out among them.
     """
     if columns.rate is not None:
         said.notes.append(f"no column is the time: rows taken as written at {columns.rate:g} Hz")

@@ -24,37 +24,22 @@ class Thinning:
 
     Args:
         rate: Hz, down to which samples are left out.
-        cutoff: Hz of the low pass on accelerations and efforts before: what is above it shall not
-            come back below it.
+        cutoff: Hz of the low pass on accelerations and efforts before, against aliasing.
     """
 
     rate: float
     cutoff: float
 
     def every(self, step: float) -> int:
-        """Return of how many samples one is kept.
-
-        Args:
-            step: s between samples.
-        """
+        """Return the number of samples of which one is kept; `step` in s."""
         return max(1, int((1.0 + 1e-6) / (self.rate * step)))
 
     def acceleration(self, column: FloatArray, step: float) -> FloatArray:
-        """Return one joint's accelerations low-passed; where it is held, it is held.
-
-        Args:
-            column: (T,) rad/s^2 or m/s^2.
-            step: s between samples.
-        """
+        """Return one joint's accelerations (T,) low-passed; where they are 0, they stay."""
         return np.where(column != 0.0, low_pass(column, step, self.cutoff), 0.0)
 
     def effort(self, column: FloatArray, step: float) -> FloatArray:
-        """Return one joint's efforts low-passed, NaN where there is none.
-
-        Args:
-            column: (T,) N m or N.
-            step: s between samples.
-        """
+        """Return one joint's efforts (T,) low-passed, NaN where there is none."""
         known = np.isfinite(column)
         if not known.any():
             return column
@@ -69,8 +54,7 @@ class ReadingOptions:
 
     Args:
         columns: file that maps joints to columns; None takes LOG.columns.yaml beside the log.
-        unit: of angles, "rad" or "deg".
-        time_unit: "s", "ms", "us" or "ns".
+        unit: of angles, "rad" or "deg". time_unit: "s", "ms", "us" or "ns".
         cutoff: Hz of the low pass on every joint, or "none": positions are taken as they are.
         thinning: which samples of a filtered recording are kept; None keeps all.
         currents: joints whose current, where no effort is logged, is read as their effort.
@@ -114,10 +98,9 @@ class DerivativeNoise:
 
     Args:
         moving: (T, nj) bool, where a joint is not held; only there is anything uncertain.
-        velocity: (nj,) standard deviation, rad/s or m/s.
-        acceleration: (nj,) the same, rad/s^2 or m/s^2.
-        acceleration_shift: (T, nj) change of the acceleration with a lower cutoff (by 1/sqrt(2), of
-            a Gaussian low pass by 1/2). The low pass may have taken away so much near its cutoff.
+        velocity, acceleration: (nj,) standard deviations, rad/s (m/s) and rad/s^2 (m/s^2).
+        acceleration_shift: (T, nj) change of the acceleration with a cutoff lower by 1/sqrt(2), of
+            a Gaussian low pass by 1/2: as much may be lost near the cutoff.
         acceleration_cut: (nj,) RMS of the motion above the cutoff that the low pass took away.
     """
 
@@ -136,14 +119,13 @@ class Reading:
         samples: rows that became samples.
         dropped: rows left out (torn, not finite, doubled or backward stamps, repeats of a slower
             rate, ends in motion).
-        resampled: samples that lie between rows and were interpolated.
+        resampled: samples interpolated between rows.
         jitter: RMS of the stamps about regular time, s.
         noise: joint -> standard deviation of its positions' noise, rad or m; 0: rounding.
         cutoff: joint -> Hz; None: not filtered.
         notes: a line for everything that was guessed, repaired or filtered.
-        noise_line: the one of them that says what noise there is and what was done about it.
-        effort: joint -> (T,) the effort that the log itself has, N m or N; of the motion's
-            samples, which thinning makes fewer.
+        noise_line: the one on noise and what was done about it.
+        effort: joint -> (T,) the log's own effort at the motion's samples, N m or N.
         uncertain: what stays uncertain in the derivatives; None where nothing was filtered.
     """
 

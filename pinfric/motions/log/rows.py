@@ -1,4 +1,8 @@
-"""Rows of a log: stamps that repeat, run back, jitter or miss, and the regular time behind them."""
+"""Rows of a log: stamps that repeat, run back, jitter or miss, and the regular time behind them.
+
+Arguments: t (rows,) s; lines (rows,) of these in the file; position (rows, nj) rad or m; said, to
+which notes and problems are added.
+"""
 
 from __future__ import annotations
 
@@ -41,11 +45,9 @@ class Timing:
     """When the rows of a log were taken, and the regular times to compute on.
 
     Args:
-        start, step: of the regular times, s.
-        count: how many there are.
+        start, step, count: of the regular times, s.
         number: (rows,) increasing whole numbers: row i was taken at start + step number[i] but for
-            jitter; one missing is a row that was lost. None where stamps wander from any regular
-            time: then only the stamps say when a row was taken.
+            jitter; a missing one is a lost row. None: stamps wander from any regular time.
         jitter: RMS of the stamps about regular time, s.
     """
 
@@ -76,13 +78,7 @@ class Timing:
 
 
 def check_times(t: FloatArray, lines: Sequence[int], problems: list[str]) -> None:
-    """Append times that cannot be meant: beyond 1e10 s, or less than 1 ns apart.
-
-    Args:
-        t: (rows,) s.
-        lines: (rows,) where they stand in the file.
-        problems: lines are appended here.
-    """
+    """Append to `problems` times beyond 1e10 s, or less than 1 ns apart: they cannot be meant."""
     far = np.flatnonzero(np.isfinite(t) & (np.abs(t) > _LONGEST_TIME))
     if far.size:
         where = listing(f"line {lines[i]} (t = {t[i]:.9g})" for i in far.tolist())
@@ -98,13 +94,8 @@ def check_times(t: FloatArray, lines: Sequence[int], problems: list[str]) -> Non
 def ordered_rows(t: FloatArray, lines: Sequence[int], said: Remarks) -> IntArray:
     """Return the rows to keep: those whose stamp is later than all before.
 
-    Stamps that only jitter about the rows' regular time are all kept.
-
-    Args:
-        t: (rows,) s.
-        lines: (rows,) where they stand in the file.
-        said: what was left out is added here; more than 1 % of doubled or backward stamps are a
-            problem.
+    Stamps that only jitter about regular time are all kept. More than 1 % of doubled or backward
+    stamps are a problem.
     """
     all_rows = np.arange(t.size)
     if not np.isfinite(t).all():  # refused already
@@ -141,12 +132,9 @@ def _only_jitters(t: FloatArray) -> bool:
 def regular_time(t: FloatArray) -> Timing | None:
     """Return the regular time behind stamps; None for few rows, or times that do not increase.
 
-    Steps are rounded to multiples of the median one and summed, then a line is fitted: rounding
-    the stamps themselves would drift past lost rows. Stamps that wander by more than half a step
-    from the line are taken as the rows' times.
-
-    Args:
-        t: (rows,) s.
+    Steps are rounded to multiples of the median one and summed, then a line is fitted: rounding the
+    stamps themselves would drift past lost rows. Stamps that wander by more than half a step from
+    the line are taken as the rows' times.
     """
     if t.size < FEWEST:
         return None
@@ -188,10 +176,6 @@ def far_apart(t: FloatArray, least: float) -> IntArray:
     """Return the rows to interpolate between: each at least `least` s after the one before.
 
     A spline through noisy rows that nearly coincide swings far beyond them.
-
-    Args:
-        t: (rows,) increasing, s.
-        least: s.
     """
     if (np.diff(t) >= least).all():
         return np.arange(t.size)
@@ -202,13 +186,9 @@ def far_apart(t: FloatArray, least: float) -> IntArray:
 
 
 def held_rate(position: FloatArray) -> slice | None:
-    """Return every how many rows positions change, where a slower source was held between them.
+    """Return the slice of rows in which positions change, where a slower source is held between.
 
-    A coarse encoder at slow speed repeats itself too, but neither regularly nor by steps of many
-    counts.
-
-    Args:
-        position: (rows, nj) rad or m.
+    A coarse encoder at slow speed repeats itself too, but not regularly, nor by many counts.
     """
     change = np.zeros(max(len(position) - 1, 0), dtype=bool)
     for q in position.T:  # one after another: a long log fills much of the memory
@@ -231,11 +211,8 @@ def held_rate(position: FloatArray) -> slice | None:
 def repeated_rows(position: FloatArray) -> IntArray:
     """Return the rows that repeat the row before them in the middle of a motion.
 
-    A recorder that is faster than its source, or a source that is late, has nothing new to write.
-    Where all joints slow down to a stop and go on, a repetition is the motion itself.
-
-    Args:
-        position: (rows, nj) rad or m.
+    A recorder that is faster than its source repeats. Where all joints slow down to a stop and go
+    on, a repetition is the motion itself.
     """
     same = np.ones(max(len(position) - 1, 0), dtype=bool)
     for q in position.T:  # one after another: a long log fills much of the memory
@@ -254,28 +231,20 @@ def repeated_rows(position: FloatArray) -> IntArray:
 
 
 def evenly(t: FloatArray) -> FloatArray | None:
-    """Return the times of rows that were taken one step after another; None: they were not.
-
-    Args:
-        t: (rows,) stamps, s.
-    """
+    """Return the times of rows that were taken one step after another, s; None: they were not."""
     step, start, jitter = _line(t, np.arange(t.size))
     even = start + step * np.arange(t.size, dtype=np.float64)
     return even if step > 0.0 and jitter <= _JITTER * step else None
 
 
 def gaps(t: FloatArray) -> IntArray:
-    """Return the rows after which a step is far longer than the median one, of times (rows,) s."""
+    """Return the rows after which a step is far longer than the median one."""
     steps = np.diff(t)
     return np.flatnonzero(steps > GAP_FACTOR * np.median(steps))
 
 
 def gap_problems(t: FloatArray) -> list[str]:
-    """Return one line that names the gaps longer than 20 sample periods; none where there are none.
-
-    Args:
-        t: (rows,) s.
-    """
+    """Return one line that names the gaps longer than 20 sample periods, if there are any."""
     far = gaps(t)
     if far.size == 0:
         return []
@@ -305,17 +274,11 @@ def mended_effort(
     lines: Sequence[int],
     said: Remarks,
 ) -> FloatArray:
-    """Return an effort with lost samples and spikes interpolated.
+    """Return an effort (rows,) as logged, with lost samples and spikes interpolated.
 
-    Lost ones are exactly 0 amid values of one sign that are far from it; spikes are far beyond all
-    other values, also those right beside them, while the joint moves as usual. Both are short.
-
-    Args:
-        joint: its name.
-        effort: (rows,) as logged, before any low pass.
-        position: (rows,) of the joint, rad or m.
-        lines: (rows,) where they stand in the file.
-        said: what was left out is added here; more than 1 % of the rows are a problem.
+    Lost ones are exactly 0 amid values of one sign far from it; spikes are far beyond all other
+    values, also those beside them, while the joint (`position`: (rows,)) moves as usual. Both are
+    short; more than 1 % of the rows are a problem.
     """
     if effort.size < FEWEST or not np.isfinite(effort).all():
         return effort
@@ -342,7 +305,7 @@ def mended_effort(
 
 
 def _zeros(effort: FloatArray) -> IntArray:
-    """Rows of short runs of zeros between values of one sign that are not near zero."""
+    """Rows of short runs of zeros between values of one sign far from zero."""
     zero = effort == 0.0
     if not zero.any() or zero.all():
         return np.zeros(0, dtype=np.int64)

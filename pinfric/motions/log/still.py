@@ -1,11 +1,12 @@
 """When a logged joint stands still, found in noisy positions before any filter smears them.
 
-A hold is where the slope over a window is no more than noise makes of it, the positions have no
-trend and no bend over the whole of it, and it lasts several windows. Such a run ends some samples
-late: a motion starts with the square or the cube of time, which noise hides at first. So its ends
-come from the motion: c (t - t0)^2 (acceleration jumps at t0) and c (t - t0)^3 (1 + b (t - t0))
-(jerk jumps) are fitted to where the joint has left its level, and t0 is the end of the hold. Joints
-that may well have started at one instant get the one that fits all of them best.
+In a hold, slopes over a window and trend and bend over the whole are noise, and it lasts several
+windows. Noise hides where it ends, t0, so that comes from the motion: c (t - t0)^2 (acceleration
+jumps) and c (t - t0)^3 (1 + b (t - t0)) (jerk jumps) are fitted to where the joint has left its
+level. Joints that may have started at one instant get the one that fits all of them best.
+
+Arguments: position (T, nj) rad or m at regular times; step, s; noise (nj,), standard deviations of
+the positions, 0 for joints that are left as they are.
 """
 
 from __future__ import annotations
@@ -66,7 +67,7 @@ class _Edge:
         return float(candidates[int(np.argmin([self.cost(x) for x in candidates]))])
 
     def onset(self) -> float:
-        """The onset of least cost, on ever finer grids: the last one is finer than noise tells."""
+        """The onset of least cost, on ever finer grids down to what noise can tell."""
         low, high = float(self.place.min()), float(self.place.max())
         step = (high - low) / 40.0
         best = self.best(np.arange(low, high, step))
@@ -87,13 +88,7 @@ def _rest(y: FloatArray, basis: FloatArray) -> float:
 def find_noisy_holds(
     position: FloatArray, step: float, noise: Sequence[float]
 ) -> list[list[tuple[int, int]]]:
-    """Return for each joint the runs of samples in which it stands still, (first, last) inclusive.
-
-    Args:
-        position: (T, nj) rad or m at regular times.
-        step: s between samples.
-        noise: (nj,) standard deviations of the positions; 0: no holds of this joint are sought.
-    """
+    """Return for each joint the runs of samples in which it stands still, (first, last)."""
     count, joints = position.shape
     width = int(np.clip(round(_WINDOW / step), _FEWEST, _MOST))
     rough = [
@@ -130,15 +125,9 @@ def with_resting_ends(
 ) -> list[list[tuple[int, int]]]:
     """Return the holds of all joints, with the first and the last sample if the robot rests there.
 
-    A recording of one move starts and ends at rest without a hold: velocity and acceleration of a
-    polynomial through the first samples are zero within three standard errors. That tells rest if
-    these errors are small beside the largest velocity and acceleration. A joint that moves little
-    tells nothing; all of an arm start together.
-
-    Args:
-        position: (T, nj) rad or m at regular times. step: s between samples.
-        noise: (nj,) standard deviations of the positions; 0: the joint is left as it is.
-        holds: (nj,) of each joint, (first, last) inclusive.
+    It rests if velocity and acceleration of a polynomial through the first samples are zero within
+    three standard errors, and these are small beside the largest velocity and acceleration. A joint
+    that moves little tells nothing; all of an arm start together.
     """
     result, last = [list(own) for own in holds], len(position) - 1
     for end, at, positions in ((0, 0, position), (last, -1, position[::-1])):
@@ -213,10 +202,9 @@ def _is_level(q: FloatArray, noise: float) -> bool:
 
 
 def _edge(q: FloatArray, inside: int, border: int, noise: float) -> _Edge:
-    """Cut out the samples about the border of a hold, and what they say.
+    """Return the samples about the border of a hold, as a fit needs them.
 
-    An encoder that shows the same count several times says most where the count changes: there the
-    joint is half-way between the two.
+    Of a coarse encoder only the changes of its count, where the joint is half-way between two.
     """
     direction = 1 if border > inside else -1
     level = float(np.mean(q[min(inside, border) : max(inside, border) + 1]))

@@ -1,4 +1,9 @@
-"""Units of a log: recognised where the evidence is clear, else the choice is put to the person."""
+"""Units of a log: recognised where the evidence is clear, else the person is asked.
+
+Arguments: columns (nj,) the joints; t (T,) s; position (T, nj) rad or m, unwrapped but for units;
+lines (T,) of the rows in the file; stated, a unit that somebody said; said, to which notes and
+problems are added.
+"""
 
 from __future__ import annotations
 
@@ -52,19 +57,10 @@ def time_factor(
     position: FloatArray,
     said: Remarks,
 ) -> float:
-    """Return s per unit of a time column.
+    """Return s per unit of a time column, whose first number is `start` (it may be subtracted).
 
-    In s at 20 Hz or more they are s. Else one of ms, us, ns may make 2 Hz to 20 kHz of the steps,
+    At 20 Hz or more in s they are s. Else they may be ms, us or ns, if that makes 2 Hz to 20 kHz,
     and the joints' speeds must tell: no joint is so fast, no recording so slow.
-
-    Args:
-        name: the column's.
-        t: (T,) what stands in it, `start` perhaps subtracted.
-        start: its first number.
-        stated: the unit, where somebody said it.
-        columns: (nj,) the joints.
-        position: (T, nj) rad or m.
-        said: the unit, or the choice, is added here.
     """
     if stated is not None:
         return TIME_UNITS[stated]
@@ -101,7 +97,7 @@ def time_factor(
 
 
 def _largest_ways(columns: Sequence[JointColumn], position: FloatArray) -> tuple[float, float]:
-    """The largest way between two rows over a joint's velocity limit (s), and the largest way."""
+    """The largest step between two rows over a joint's velocity limit (s), and the largest step."""
     if len(position) < 2:
         return 0.0, 0.0
     largest = np.zeros(len(columns))
@@ -113,7 +109,7 @@ def _largest_ways(columns: Sequence[JointColumn], position: FloatArray) -> tuple
 
 
 def _possible(ways: tuple[float, float], rate: float) -> bool:
-    """Whether joints can be as fast as their ways per row are at so many rows a second."""
+    """Whether joints can be as fast as their ways per row are at this rate, Hz."""
     of_limits, speed = (rate * way for way in ways)
     return of_limits <= _TOO_FAST if of_limits > 0.0 else speed <= _FASTEST_JOINT
 
@@ -136,11 +132,8 @@ def angle_unit(
     all joints are within theirs as degrees.
 
     Args:
-        columns: (nj,) the joints.
-        raw: (nj,) of (T,) what stands in the file; NaN is passed over.
-        known: (nj,) units that names or a mapping say.
-        stated: the unit of all others, where somebody said it.
-        said: that angles are in degrees, or the choice, is added here.
+        raw: (nj,) of (T,) as in the file; NaN is passed over.
+        known: (nj,) units by names or a mapping. stated: the unit of all others.
     """
     turning = [c.unit == "rad" for c in columns]
     factors = [
@@ -189,12 +182,6 @@ def fast_angles(
     """Return one line where joints whose unit nobody said would be far too fast in rad/s.
 
     Small ways in degrees lie within the limits of radians; only their speeds tell.
-
-    Args:
-        columns: (nj,) the joints.
-        t: (T,) s.
-        position: (T, nj) rad or m, taken as radians where nobody said otherwise.
-        known, stated: as in `angle_unit`.
     """
     if stated is not None:
         return []
@@ -217,11 +204,7 @@ def slow_angles(
 ) -> list[str]:
     """Return one line where a header says degrees, with which all joints hardly move.
 
-    Args:
-        columns: (nj,) the joints.
-        t: (T,) s.
-        position: (T, nj) rad or m, by the header.
-        factors: (nj,) rad per unit that the header means.
+    `factors`: (nj,) rad per unit, by the header.
     """
     degree, shares = ANGLE_UNITS["deg"], [0.0]
     joints = zip(columns, _speeds(t, position), position.T, factors, strict=False)
@@ -245,14 +228,8 @@ def impossible_motions(
 ) -> list[str]:
     """Return a line for each joint that stands still or jumps as no joint can.
 
-    A frozen one stops from full motion within a row, or leaps afterwards to where the joint is. A
-    jump is too fast for the time since the joint last moved, and far longer than other ways.
-
-    Args:
-        columns: (nj,) the joints.
-        t: (T,) s.
-        position: (T, nj) rad or m, unwrapped.
-        lines: (T,) where the rows stand in the file.
+    A frozen encoder stops from full motion within a row, or leaps afterwards to where the joint is.
+    A jump is too fast for the time since the joint last moved, and far longer than other steps.
     """
     steps, problems = np.diff(t), []
     if t.size < FEWEST or not (steps > 0.0).all():
@@ -303,14 +280,9 @@ def wrong_velocities(
 
         int v dt = k (q(end) - q(start)) + offset    over parts of the log
 
-    Both sides have errors, so k is between the regression of either on the other: the interval
-    holds both with their 95 % intervals. Half a clock's speed makes k = 2.
-
-    Args:
-        columns: (nj,) the joints.
-        t: (T,) s.
-        position: (T, nj) rad or m, unwrapped.
-        velocity: (T, nj) as logged, rad/s or m/s; NaN where there is none.
+    Both sides have errors, so k is between the regressions of either on the other, and its interval
+    holds both with theirs, of 95 %. A clock at half its speed makes k = 2. `velocity`: (T, nj) as
+    logged, rad/s or m/s; NaN where there is none.
 
     Source: Frisch, Statistical Confluence Analysis (1934): bounds with errors in both variables.
     """
