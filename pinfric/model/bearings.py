@@ -277,7 +277,7 @@ class Linear(Bearing):
     c = radial |F_r| + axial |F_a| + moment |M_b| + preload
 
     A slewing ring of raceway diameter D (m) has radial 1.025 D, axial 0.5 D, moment 2.05. At a
-    joint that slides the weights are pure numbers and preload is in N.
+    sliding joint the weights are pure numbers and preload is in N.
     """
 
     fits = (
@@ -337,8 +337,8 @@ class Linear(Bearing):
 class Gear(Bearing):
     """Teeth of the joint's gear, whose loss may fall from rest to motion: c = |M_a|.
 
-    M_a is the torque that the joint delivers. In motion friction mu c is the loss of a gear with
-    the efficiencies 1/(1 + mu) and 1 - mu; with `mu.static` and `stribeck` it is larger at rest
+    M_a is the torque that the joint delivers. In motion mu c is the loss of a gear with the
+    efficiencies 1/(1 + mu) and 1 - mu; with `mu.static` and `stribeck` it is larger at rest
     (Bittencourt and Gunnarsson 2012, Static friction in a robot joint).
 
     friction: {elbow: {bearing: {kind: gear}, mu: {static: 0.3, kinetic: 0.05},

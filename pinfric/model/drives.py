@@ -376,7 +376,6 @@ def motor_torque_bounds(
     T_m = [lower(t) or upper(t)]/r + viscous + r J_rotor a (see the module).
 
     Args:
-        transmission: ratio, efficiencies and the motor-side losses.
         effort_lower, effort_upper: (T,) N m or N at the joint.
         velocity, acceleration: (T,) of the joint (rad/s or m/s, and per second).
         at_rest: (T,) True where the joint comes to rest between two samples.

@@ -25,9 +25,7 @@ from pinfric.model.entry import Entry, Forms, NonNegative, Positive, key, regist
 class Strength(NamedTuple):
     """Strength of friction: mu c + forward against forward motion, mu c + backward otherwise.
 
-    Attributes:
-        mu: factor of the normal load (1).
-        forward, backward: N m or N.
+    `mu` is the factor of the normal load; the others are in N m or N.
     """
 
     mu: float = 0.0
@@ -39,7 +37,7 @@ class Shape(NamedTuple):
     """How a row depends on the speed s: s^power exp(-(s / velocity)^exponent).
 
     Attributes:
-        power: 0 or more; with a power the strengths are per (rad/s)^power or (m/s)^power.
+        power: 0 or more; strengths are per (rad/s)^power or (m/s)^power.
         velocity: rad/s or m/s; infinite without decay.
         exponent: 1.
     """

@@ -333,10 +333,11 @@ def relate_pairs(
     Args:
         p, R, velocity, acceleration: of the links (`place_links`, `move_links`).
         actions: or any record with its fields.
-        gap: (n, nx), overwritten: displacement (m) or angle (rad) of b from a; a cylinder's length.
-        rate, rate_derivative: (n, nx), overwritten: velocity that each action does work on.
-        tilt: (n, np), overwritten: angle (rad) between the axes of frames a and b.
-        scale: (n, np, 2), overwritten: size of the terms of the rates and their derivatives.
+        gap: (n, nx), overwritten, as all below: displacement (m) or angle (rad) of b from a; a
+            cylinder's length.
+        rate, rate_derivative: (n, nx) velocity that each action does work on.
+        tilt: (n, np) angle (rad) between the axes of frames a and b.
+        scale: (n, np, 2) size of the terms of the rates and their derivatives.
     """
     frames, motion, slip = np.empty((10, 3)), np.empty((2, 4, 3)), np.empty((4, 3))
     ka, kb, Ra, Rb = frames[2], frames[3], frames[4:7], frames[7:]
@@ -392,10 +393,11 @@ def _slip(
 
     Args:
         links: p (nj, 3), R (nj, 3, 3), velocity (nj, 6), acceleration (nj, 6) of the links.
-        frames: (10, 3), overwritten: positions of a and b, their axes, their rotations.
-        motion: (2, 4, 3), overwritten: of a and of b v, its derivative, omega, its derivative.
-        slip: (4, 3), overwritten: s, its derivative in frame b, w, its derivative in frame b.
-        scale: (2,), overwritten: size of the terms of a rate and of its derivative.
+        frames: (10, 3), overwritten, as all below: positions of a and b, their axes, their
+            rotations.
+        motion: (2, 4, 3) of a and of b v, its derivative, omega, its derivative.
+        slip: (4, 3) s, its derivative in frame b, w, its derivative in frame b.
+        scale: (2,) size of the terms of a rate and of its derivative.
     """
     p, R, velocity, acceleration = links
     joint, axis = actions.frame_joint[pair], actions.pair_axis[pair]

@@ -127,12 +127,7 @@ def urdf_file(name: str | Path) -> Path:
 def read_robot(
     urdf: Path, locked: Mapping[str, float], xacro_args: Mapping[str, str] | None = None
 ) -> Robot:
-    """Read and check a URDF, with its mimic joints.
-
-    Args:
-        urdf: the file.
-        locked: joint name -> position (rad or m) at which it is fixed and removed.
-        xacro_args: see `read_xml`.
+    """Read and check a URDF; joints in `locked` are fixed at a position (rad or m) and removed.
 
     Raises:
         RobotError: not XML, not a URDF, an impossible mass, inertia or axis, an unknown joint.

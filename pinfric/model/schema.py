@@ -246,8 +246,8 @@ class LinkFrame(Entry):
 class Loop(Entry):
     """A joint that closes a loop between frame a on one link and frame b on another.
 
-    The frames coincide except for the free motion of the joint: a `prismatic` one slides along the
-    axis, a `cylindrical` one also turns about it, a `universal` one keeps the axis in frame a and
+    The frames coincide except for the joint's free motion: a `prismatic` one slides along the axis,
+    a `cylindrical` one also turns about it, a `universal` one keeps the axis in frame a and
     `axis_b` in frame b perpendicular.
     """
 
@@ -291,9 +291,8 @@ class Redundancy(Entry):
 class Actuator(Entry):
     """One drive: on a joint (of the robot or of a loop), a cylinder, or a force at a point.
 
-    Several drives on one joint need a `name` each. If there are more drives than degrees of
-    freedom, `share`s w determine how they share the work: the sum of effort^2 / w is least, so
-    drives on one joint share its effort as w1 : w2.
+    Several drives on one joint need a `name` each. Redundant drives share the work by `share`s w:
+    the sum of effort^2 / w is least, so drives on one joint share its effort as w1 : w2.
 
     `couples` names other joints that also turn this drive, with the factor for each:
 
@@ -302,7 +301,7 @@ class Actuator(Entry):
     turns its motor by 32 (q_wrist_3 + 1.0 q_wrist_2). A factor is positive if the motor must turn
     forward while the other joint moves forward and its own joint is at rest. A controller's figure
     in motor turns per turn (or m) of the other joint is factor x ratio. The drive's effort t acts
-    on its own joint, and factor x t acts on the other.
+    on its own joint, and factor x t on the other.
     """
 
     joint: str | None = optional("joint of the robot or of a loop", "joint_2")
@@ -413,12 +412,12 @@ class Simulation(Entry):
 
 
 class Stops(Entry):
-    """How the robot is stopped, input of `pinfric stop`: what no file of the robot says.
+    """How the robot is stopped, input of `pinfric stop`.
 
     The categories are those of IEC 60204-1. 0: after `reaction_time` power goes off, and the brakes
-    close after their `engage_time`. 1: after `reaction_time` the robot is braked under power, along
-    its path or each axis by itself, with their `deceleration`; without any each axis by itself with
-    the URDF's effort limit. At rest, or once the brakes have closed, power goes off.
+    close after their `engage_time`. 1: after `reaction_time` the robot is braked under power with
+    `deceleration`, along its path or each axis by itself; without any, each axis by itself with the
+    URDF's effort limit. At rest, or once the brakes have closed, power goes off.
     """
 
     category: Literal[0, 1] = key("of IEC 60204-1", 0)
@@ -483,8 +482,8 @@ class Measured(Entry):
     measured: {robot: UR10e, speed: [0, 1.0], side: motor, source: "log and commit", grade: A}
 
     Grades: A: the logs or the maker's test record are public; B: the method is stated, the logs are
-    not public; C: neither. Laws of friction do not extrapolate: motions beyond `speed` are warned
-    of.
+    not public; C: neither. Motions beyond `speed` cause a warning, because laws of friction do not
+    extrapolate.
     """
 
     robot: Text = key("maker and type of the one measured", "Universal Robots UR10e")

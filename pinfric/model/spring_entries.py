@@ -83,7 +83,7 @@ class TensionSpring(Spring):
 
         pull = initial_tension + stiffness (length - free_length),    length > free_length
 
-    With `pushes` it is a compression spring, too: the same line below the free length.
+    With `pushes` it is also a compression spring: the same line below the free length.
     """
 
     kind: Literal["tension"] = key("a spring between two points", "tension")
@@ -129,8 +129,8 @@ class GasSpring(Spring):
         force at s = force / (1 - (1 - 1/progression) s / stroke),    s = length - present length
 
     With `pulls` it is a traction gas spring: it pulls them together, more as it is extended by s.
-    The friction of its seal is an entry of its name in `friction`, as that of a cylinder. A state
-    in which s is not from 0 to `stroke` (or a little beyond) is refused.
+    Friction of its seal is an entry of its name in `friction`, as of a cylinder. A state with s
+    beyond 0 to `stroke` (and a little more) is refused.
     """
 
     kind: Literal["gas"] = key("a gas spring", "gas")

@@ -52,8 +52,8 @@ class LostMotionStiffness(Entry):
     """Two lines of a cycloidal or planetary gear, soft up to a share of the rated torque.
 
     The lost motion Phi is the whole angle between +share and -share of the rated torque T_N, on the
-    middle of the hysteresis curve, so the first line has K_1 = 2 share T_N/Phi. Backlash is
-    described in the same way, with a softer first line.
+    middle of the hysteresis curve, so K_1 = 2 share T_N/Phi. Backlash is described in the same way,
+    with a softer first line.
 
         stiffness: {k: 3.9e5, lost_motion: 2.9e-4, rated_torque: 412, share: 0.03}
     """

@@ -77,7 +77,7 @@ def doubted_reach(reach: float) -> MassDoubt | None:
 def doubted_total(
     moving: float, total: float, way: float, joints: int, density: float | None = None
 ) -> MassDoubt | None:
-    """Return why a mass is doubted: beside the way along the joints, and the volume of the shapes.
+    """Return why a mass is doubted, beside the way along the joints and the volume of the shapes.
 
     Args:
         moving, total: kg; the second with what stands on the ground.

@@ -203,8 +203,8 @@ class LoadLoss(NamedTuple):
 class Transmission(Entry):
     """Ratio and losses between motor and joint; torques and inertia at the motor's shaft.
 
-    `efficiency` as a number is t/u due to the load alone; `no_load_torque` is added to the loss. As
-    a mapping it is the maker's (`MakersEfficiency`). A `back_efficiency` of 0 or less means a
+    `efficiency` as a number is t/u due to the load alone, with `no_load_torque` added to the loss;
+    as a mapping it is the maker's (`MakersEfficiency`). A `back_efficiency` of 0 or less means a
     self-locking gear; `same_loss` uses the loss of the driving motor also where the load drives.
     `no_load_torque` is a number, or {static, kinetic}, or these by the motor's direction,
     {positive: ..., negative: ...}.

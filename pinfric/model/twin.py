@@ -62,7 +62,7 @@ class Twin:
         axis: (nj, 6) unit motion subspace of one-degree joints, linear first, zero for others.
         components: (nj, 6) velocity components of many-degree joints, in order, padded with -1.
         armature: (nv,) rotor inertia reflected to the joints, from the model.
-        springs: of the scene; None: it has none.
+        springs: of the scene, if any.
         pools: Pinocchio's pools and data by use and threads; made when first used, not pickled.
     """
 

@@ -68,11 +68,9 @@ def read_yaml(
     kind: str = "",
     check: Callable[[bytes], None] = lambda content: None,
 ) -> dict[str, Any]:
-    """Read a YAML file whose top level is a mapping.
+    """Read a YAML file whose top level is a mapping, or raise `error` with the file (and line).
 
     Args:
-        path: the file.
-        error: what is raised, naming the file (and the line where YAML itself is malformed).
         kind: its first key, one of `FORMATS`; a file of another kind is refused as such.
         check: raises if the content is not worth parsing.
     """
