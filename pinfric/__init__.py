@@ -131,9 +131,9 @@ if TYPE_CHECKING:  # the same names for type checkers, which do not run __getatt
 
 def __getattr__(name: str) -> Any:
     if name in _PUBLIC:
-        found = getattr(import_module(_PUBLIC[name]), name)
-        globals()[name] = found  # later accesses skip this function, which takes 3 us
-        return found
+        value = getattr(import_module(_PUBLIC[name]), name)
+        globals()[name] = value  # later accesses skip this function, which takes 3 us
+        return value
     from pinfric.errors import removed
 
     gone = removed(f"pinfric.{name}")

@@ -381,10 +381,10 @@ def _cycles(
     return by_scene
 
 
-def _nested(given: dict[str, Any]) -> dict[str, Any]:
+def _nested(options: dict[str, Any]) -> dict[str, Any]:
     """Turn keys KEY.NAME into mappings of names."""
     nested: dict[str, Any] = {}
-    for name, value in given.items():
+    for name, value in options.items():
         key, dot, inner = name.partition(".")
         if dot:
             nested.setdefault(key, {})[inner] = value
@@ -998,8 +998,8 @@ def _run(arguments: list[str]) -> int:
         message, code = str(problem), BAD_INPUT
     except usage_error as problem:
         command = problem.ctx.command_path if problem.ctx else "pinfric"
-        before, said, rest = problem.format_message().partition("Input ")
-        said = plain(rest) if said else ""  # typer says of numbers what pydantic says
+        before, said, complaint = problem.format_message().partition("Input ")
+        said = plain(complaint) if said else ""  # typer says of numbers what pydantic says
         words = (word.partition("=")[0] for word in arguments)
         gone = [f"{word}: {why}" for word in words if (why := removed(f"{command} {word}"))]
         message, code = f"{gone[0] if gone else before + said} (see {command} --help)", BAD_INPUT

@@ -292,8 +292,8 @@ def problems_line(where: str, problems: Sequence[str]) -> str:
     """
     problems = list(dict.fromkeys(problems))
     count = f"{len(problems)} problems: " if len(problems) > 1 else ""
-    rest = len(problems) - _MOST_PROBLEMS
-    more = f"; and {rest} more" if rest > 0 else ""
+    unlisted = len(problems) - _MOST_PROBLEMS
+    more = f"; and {unlisted} more" if unlisted > 0 else ""
     return f"{where}: {count}{'; '.join(problems[:_MOST_PROBLEMS])}{more}"
 
 

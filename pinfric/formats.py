@@ -49,8 +49,8 @@ def json_schema(name: str) -> dict[str, Any]:
     """
     if name not in FORMATS:
         raise PinfricError(f"there is no format {name!r}; {choose_from(name, FORMATS)}")
-    made: dict[str, Any] = _in_its_words(FORMATS[name].model_json_schema(schema_generator=_InOrder))
-    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **made}
+    form: dict[str, Any] = _in_its_words(FORMATS[name].model_json_schema(schema_generator=_InOrder))
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **form}
 
 
 def _in_its_words(schema: Any) -> Any:
@@ -58,7 +58,7 @@ def _in_its_words(schema: Any) -> Any:
     defaults.
     """
     if isinstance(schema, list):
-        return [_in_its_words(part) for part in schema]
+        return [_in_its_words(entry) for entry in schema]
     if not isinstance(schema, dict):
         return schema
     plain = {

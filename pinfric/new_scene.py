@@ -326,9 +326,9 @@ def _mass_guess(begun: Begun) -> str:
     return f"{begun.mass:g} kg, shared by {begun.by}; {begun.urdf.name} has no mass"
 
 
-def _xacro_section(given: Mapping[str, str]) -> list[str]:
-    words = ", ".join(f"{yaml_line(name)}: {yaml_line(value)}" for name, value in given.items())
-    return [f"  xacro_args: {{{words}}}"] if given else []
+def _xacro_section(arguments: Mapping[str, str]) -> list[str]:
+    words = ", ".join(f"{yaml_line(name)}: {yaml_line(value)}" for name, value in arguments.items())
+    return [f"  xacro_args: {{{words}}}"] if arguments else []
 
 
 def _masses_section(begun: Begun) -> list[str]:
@@ -378,8 +378,8 @@ def _joint_section(
     else:
         about = "no limits"
     about += f"; {joint.remark}" if joint.remark else ""
-    given = dynamics.get(joint.name, UrdfDynamics(0.0, 0.0))
-    stated = {"coulomb": given.friction, "viscous": given.damping}
+    own_dynamics = dynamics.get(joint.name, UrdfDynamics(0.0, 0.0))
+    stated = {"coulomb": own_dynamics.friction, "viscous": own_dynamics.damping}
     lines = [f"  {name}:  # {'slides' if joint.sliding else 'turns'}, {about}"]
     for key, (value, why) in guesses[joint.name].items():
         urdf = f"; <dynamics>: {stated[key]:g}" if stated.get(key) else ""
@@ -399,8 +399,8 @@ def _guesses(joint: JointLoad, drive: str | None) -> dict[str, tuple[str, str]]:
     least = f"{joint.least:.3g} {unit}"
     share = f"{100 * _COULOMB:g} % of {joint.why_least if joint.least < joint.load else least}"
     if drive is not None:
-        part, called, measured = DRIVES[drive]
-        dry, share = part * joint.load, f"{called}, {100 * part:g} % of {joint.why}"
+        fraction, called, measured = DRIVES[drive]
+        dry, share = fraction * joint.load, f"{called}, {100 * fraction:g} % of {joint.why}"
     if joint.sliding:
         travel = joint.upper - joint.lower
         length = min(max(0.5 * travel, 0.02), 0.3) if math.isfinite(travel) else 0.1

@@ -179,7 +179,7 @@ def load_motion_of(scene: Scene, trajectory_name: str, log: ReadingOptions) -> T
     return trajectory
 
 
-def pairs(given: Sequence[str] | None, option: str, kind: Callable[[str], Any]) -> dict[str, Any]:
+def pairs(texts: Sequence[str] | None, option: str, kind: Callable[[str], Any]) -> dict[str, Any]:
     """Return an option's NAME=VALUE by name; numbers may be listed: A=1,B=2.
 
     Raises:
@@ -189,7 +189,7 @@ def pairs(given: Sequence[str] | None, option: str, kind: Callable[[str], Any]) 
 
     values: dict[str, Any] = {}
     listed = [
-        one for text in given or () for one in (text.split(",") if kind is number_of else [text])
+        pair for text in texts or () for pair in (text.split(",") if kind is number_of else [text])
     ]
     for text in listed:
         name, equals, value = text.strip().rpartition("=")
@@ -202,14 +202,14 @@ def pairs(given: Sequence[str] | None, option: str, kind: Callable[[str], Any]) 
     return values
 
 
-def xacro_arguments(given: Sequence[str] | None) -> dict[str, str]:
+def xacro_arguments(texts: Sequence[str] | None) -> dict[str, str]:
     """Return `--xacro-arg`'s NAME:=VALUE by name.
 
     Raises:
         typer.BadParameter: not such a pair.
     """
     values = {}
-    for text in given or ():
+    for text in texts or ():
         name, sign, value = text.strip().partition(":=")
         if not (sign and name):
             raise typer.BadParameter(f"{text!r}: should be NAME:=VALUE", param_hint="--xacro-arg")

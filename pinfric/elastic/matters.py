@@ -102,12 +102,12 @@ def _motor_share(result: InverseResult) -> tuple[float, str]:
         if stop - start < 3:
             continue
         for k, d in enumerate(scene.elastic):
-            drive, part = scene.drives[d], slice(start, stop)
+            drive, span = scene.drives[d], slice(start, stop)
             assert drive.spring is not None  # scene.elastic
-            torque = result.effort_frictionless[part, d]
-            rate = np.gradient(np.gradient(torque, t[part]), t[part])
+            torque = result.effort_frictionless[span, d]
+            rate = np.gradient(np.gradient(torque, t[span]), t[span])
             twisting = rate / drive.spring.tangent(torque)
-            needed[part, k] = rotor_inertia(scene, d) * twisting / abs(drive.ratio)
+            needed[span, k] = rotor_inertia(scene, d) * twisting / abs(drive.ratio)
     with np.errstate(divide="ignore", invalid="ignore"):
         shares = known_rms(t, needed) / known_rms(t, worst[:, list(scene.elastic)])
     shares = np.nan_to_num(shares, nan=0.0)

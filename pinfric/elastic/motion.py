@@ -231,9 +231,9 @@ def trajectory_frequencies(result: InverseResult) -> np.ndarray:
     hertz = np.full(len(torque), np.nan)
     if not known.any():
         return hertz
-    every = known.all()  # a copy of everything takes as long as the mass matrices
-    samples = np.arange(len(torque)) if every else np.flatnonzero(known)
-    K, M = stiffness_at(scene, torque if every else torque[known]), _masses(result, samples)
+    all_known = known.all()  # a copy of everything takes as long as the mass matrices
+    samples = np.arange(len(torque)) if all_known else np.flatnonzero(known)
+    K, M = stiffness_at(scene, torque if all_known else torque[known]), _masses(result, samples)
     if scene.one_drive_each and len(scene.elastic) == scene.model.nv:
         hertz[samples] = lowest_frequencies(M, K)
         return hertz
@@ -246,8 +246,8 @@ def _lowest(
 ) -> np.ndarray:
     """Return the lowest frequencies (n,), Hz, motors held; arguments as in `mobility`."""
     if has_light(mass, closed):
-        every = zip(mass, rates, closed, stiffness, strict=True)
-        return np.array([lowest_mode(*one).frequency for one in every])
+        samples = zip(mass, rates, closed, stiffness, strict=True)
+        return np.array([lowest_mode(*sample).frequency for sample in samples])
     return np.asarray(frequencies(mobility(mass, rates, closed), stiffness)[:, 0])
 
 
@@ -280,7 +280,7 @@ def modes_of(result: InverseResult, samples: list[int], torque: np.ndarray) -> l
         return []
     K, M = stiffness_at(scene, torque[samples]), _masses(result, samples)
     S, closed = _rows(scene, result.states.q[samples])
-    return [lowest_mode(*given) for given in zip(M, S, closed, K, strict=True)]
+    return [lowest_mode(*matrices) for matrices in zip(M, S, closed, K, strict=True)]
 
 
 def free_frequencies(result: InverseResult, sample: int) -> np.ndarray | None:
@@ -293,10 +293,10 @@ def free_frequencies(result: InverseResult, sample: int) -> np.ndarray | None:
     if any(rotors[d] == 0.0 for d in scene.elastic):
         return None
     S, closed = _rows(scene, result.states.q[[sample]], rigid=False)
-    every, _ = _rows(scene, result.states.q[[sample]], every=True)
+    rates, _ = _rows(scene, result.states.q[[sample]], all_drives=True)
     M = _masses(result, [sample])[0]
     for d in set(range(len(rotors))) - set(scene.elastic):
-        M = M + rotors[d] * np.outer(every[0, d], every[0, d])
+        M = M + rotors[d] * np.outer(rates[0, d], rates[0, d])
     if has_light(M[None], closed):
         return None
     inverse = np.diag([1.0 / rotors[d] for d in scene.elastic])
@@ -355,13 +355,13 @@ def _with_armature(scene: Scene, mass: np.ndarray) -> np.ndarray:
 
 
 def _rows(
-    scene: Scene, q: np.ndarray, rigid: bool = True, every: bool = False
+    scene: Scene, q: np.ndarray, rigid: bool = True, all_drives: bool = False
 ) -> tuple[np.ndarray, np.ndarray]:
     """Rates (n, ne, nv) of the elastic drives, and rows (n, m, nv) of constraints, at q (n, nq).
 
     Args:
         rigid: rigid drives stand still, as with motors held.
-        every: rates of all drives; rows of loops only.
+        all_drives: rates of all drives; rows of loops only.
     """
     nv = scene.model.nv
     S = np.broadcast_to(rate_rows(scene.drives, nv), (len(q), len(scene.drives), nv))
@@ -373,7 +373,7 @@ def _rows(
         for d, drive in enumerate(scene.drives):
             if drive.velocity_index < 0:
                 S[:, d] = along[:, drive.column]
-    if every:
+    if all_drives:
         return S, closed
     elastic = list(scene.elastic)
     if rigid and len(elastic) < len(scene.drives):
@@ -397,28 +397,28 @@ def _rest_samples(result: InverseResult) -> list[tuple[int, int, int]]:
     still = hold_samples(result.scene, result.states.v)
     still &= np.isfinite(result.effort_lower).all(axis=1)
     starts = [start for start, _, _ in result.states.phases(result.scene)]
-    found = []
+    rests = []
     for first, last in runs(still):
         cuts = [first, *(start for start in starts if first < start <= last), last + 1]
-        found += [(first, a, b - 1) for a, b in pairwise(cuts)]
-    return found
+        rests += [(first, a, b - 1) for a, b in pairwise(cuts)]
+    return rests
 
 
 def _approaches(
-    result: InverseResult, found: list[tuple[int, int, int]], notes: list[str]
+    result: InverseResult, rests: list[tuple[int, int, int]], notes: list[str]
 ) -> list[_Ways]:
     """Wind-up (na,) after the slow approach to each rest, and after the opposite one.
 
     None where nothing moved before, and, with a note, where such a motion cannot be computed.
     """
     scene, states = result.scene, result.states
-    nothing: list[_Ways] = [(None, None)] * len(found)
-    if result.external or not found:
+    nothing: list[_Ways] = [(None, None)] * len(rests)
+    if result.external or not rests:
         if result.external:
             notes.append("external wrenches: positions by approach are not computed")
         return nothing
-    last = [sample for *_, sample in found]
-    way = np.array([_direction(result, hold) for hold, _, _ in found])
+    last = [sample for *_, sample in rests]
+    way = np.array([_direction(result, hold) for hold, _, _ in rests])
     a = np.zeros_like(way)
     if scene.linkage is not None:
         q, twin = states.q[last], scene.twin()
@@ -438,8 +438,8 @@ def _approaches(
         lower, upper = (_wind_ups(scene, x) for x in (moving.effort_lower, moving.effort_upper))
         wind_ups.append(0.5 * (lower + upper))
     return [
-        (one, other) if moved.any() else (None, None)
-        for one, other, moved in zip(*wind_ups, way, strict=True)
+        (along, other) if moved.any() else (None, None)
+        for along, other, moved in zip(*wind_ups, way, strict=True)
     ]
 
 
@@ -507,7 +507,7 @@ def _tool(
     scene, q = result.scene, result.states.q[[sample]]
     if scene.tool is None or scene.mobility.undriven or scene.mobility.redundant:
         return None
-    S, closed = _rows(scene, q, every=True)
+    S, closed = _rows(scene, q, all_drives=True)
     Q = joint_answer(S[0], closed[0])
     if Q is None:
         return None

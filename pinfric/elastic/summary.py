@@ -111,23 +111,25 @@ class ElasticSummary:
         return -max(known)[1] if known else None
 
 
-def elastic_summary(found: Elasticity) -> ElasticSummary:
+def elastic_summary(effects: Elasticity) -> ElasticSummary:
     """Return the summary of elastic gears."""
-    t = found.result.times
+    t = effects.result.times
     frequency = LowestFrequency(
-        least=float(found.frequency[found.slowest]),
-        greatest=float(np.fmax.reduce(found.frequency)),
-        time=float(t[found.slowest]),
-        bracket=found.bracket,
-        strain_energy=dict(zip(found.drives, found.mode.shares.tolist(), strict=True)),
-        motors_free=found.free,
+        least=float(effects.frequency[effects.slowest]),
+        greatest=float(np.fmax.reduce(effects.frequency)),
+        time=float(t[effects.slowest]),
+        bracket=effects.bracket,
+        strain_energy=dict(zip(effects.drives, effects.mode.shares.tolist(), strict=True)),
+        motors_free=effects.free,
     )
-    rests = tuple(_rest(found, rest) for rest in found.rests)
-    return ElasticSummary(found.drives, frequency, found.result.scene.tool, rests, found.notes)
+    rests = tuple(_rest(effects, rest) for rest in effects.rests)
+    return ElasticSummary(
+        effects.drives, frequency, effects.result.scene.tool, rests, effects.notes
+    )
 
 
-def _rest(found: Elasticity, rest: RestPeriod) -> RestSummary:
-    names, approach, tool = found.result.actuator_names, rest.wind_up_approach, rest.tool
+def _rest(effects: Elasticity, rest: RestPeriod) -> RestSummary:
+    names, approach, tool = effects.result.actuator_names, rest.wind_up_approach, rest.tool
     wind_up = {
         name: WindUp(
             name,
@@ -138,14 +140,14 @@ def _rest(found: Elasticity, rest: RestPeriod) -> RestSummary:
             None if tool is None else float(np.linalg.norm(tool.generators[:3, d])),
         )
         for d, name in enumerate(names)
-        if name in found.drives
+        if name in effects.drives
     }
     placed = None if tool is None else _tool(tool)
     return RestSummary(rest.start, rest.end, rest.payloads, wind_up, placed, rest.frequency)
 
 
 def _tool(tool: ToolPlace) -> ToolSummary:
-    left = tool.approach
+    way = tool.approach
     return gathered(
         ToolSummary,
         tool,
@@ -153,6 +155,6 @@ def _tool(tool: ToolPlace) -> ToolSummary:
         interval_extents=tool.extents,
         interval_farthest=tool.farthest,
         interval_farthest_angle=tool.farthest_angle,
-        approach_distance=None if left is None else float(np.linalg.norm((left - tool.middle)[:3])),
+        approach_distance=None if way is None else float(np.linalg.norm((way - tool.middle)[:3])),
         reversal_error=tool.reversal,
     )

@@ -87,9 +87,9 @@ def mobility(mass: np.ndarray, rates: np.ndarray, closed: np.ndarray) -> np.ndar
         closed: (n, m, nv) rows of loops and rigid drives.
     """
     N = free_motions(closed, mass.shape[1])
-    left = rates @ N
+    moved = rates @ N
     inner = np.swapaxes(N, 1, 2) @ mass @ N
-    return np.asarray(left @ np.linalg.solve(inner, np.swapaxes(left, 1, 2)))
+    return np.asarray(moved @ np.linalg.solve(inner, np.swapaxes(moved, 1, 2)))
 
 
 def frequencies(mobility: np.ndarray, stiffness: np.ndarray) -> np.ndarray:

@@ -133,7 +133,7 @@ def cpp_files(
     made_of = f"{name}: {_made_of(scene)}, constants and code {digest}"
     for mark, text in (("HASH", digest), ("MADE_OF", made_of), ("TITLE", title)):
         header = header.replace(f"@@{mark}", text)
-    rows = "\n".join(f"    {{{', '.join(_array(part) for part in state)}}}," for state in states)
+    rows = "\n".join(f"    {{{', '.join(_array(array) for array in state)}}}," for state in states)
     test = template("compensator_test.cpp").replace("// @@STATES\n", rows + "\n")
     return CppFiles(header, _named(test, name).replace("@@HEADER", f"{name}.hpp"))
 
@@ -218,7 +218,7 @@ def _constants(scene: Scene, frames: Sequence[str], bounds: Bounds) -> list[str]
         turn, place = turns[frame.parentJoint], frame.placement
         at = _entry([frame.parentJoint - 1, turn @ place.rotation, turn @ place.translation])
         placed.append((name, at))
-    P, part = delivery(scene.drives, nv), set(taking_part(scene.drives))
+    P, coupled = delivery(scene.drives, nv), set(taking_part(scene.drives))
     least, greatest, fastest = reach(scene)
     counts = {
         "bodies": len(bodies),
@@ -255,7 +255,7 @@ def _constants(scene: Scene, frames: Sequence[str], bounds: Bounds) -> list[str]
         *_numbers("farthest", min(plausible_distance(scene.model), LARGEST)),
         *_numbers(f"drive_rate[][{nv}]", rate_rows(scene.drives, nv)),
         *_numbers(f"delivery[][{na}]", P if P.size else np.eye(na)),
-        f"inline constexpr bool together[] = {_array(d in part for d in range(na))};",
+        f"inline constexpr bool together[] = {_array(d in coupled for d in range(na))};",
         "// States beyond these are refused: a turn (m) beyond the limits, ten times the fastest.",
         *_numbers("least_position[]", least),
         *_numbers("greatest_position[]", greatest),

@@ -381,19 +381,19 @@ def write_limits(
                 drag, viscous = law.drag_mu * c + law.drag, law.viscous * v
         t = tau[d] + way * (dry + drag) + viscous
         slope, offset, _, _ = gear_line(gears, d, way, speed, sticks[d], t)
-        found = way * (slope * t + offset - tau[d] - viscous)
+        limit = way * (slope * t + offset - tau[d] - viscous)
         if gears.power[d] != 1.0:
-            found += abs(gear_drag(gears, d, v))
+            limit += abs(gear_drag(gears, d, v))
         if sticks[d]:  # a self-locking gear may need more for the load that friction lets it bear
             other = tau[d] - way * dry
             slope, offset, _, _ = gear_line(gears, d, way, 0.0, True, other)
-            found = max(found, way * (slope * other + offset - tau[d]))
+            limit = max(limit, way * (slope * other + offset - tau[d]))
         elif old[d] == old[d]:
             gain = 1.0 + (slope - 1.0) * share[d]
             if gain <= 0.0:
                 return d
-            found = old[d] + (found - old[d]) / gain
-        out[d] = max(found, _LEAST)
+            limit = old[d] + (limit - old[d]) / gain
+        out[d] = max(limit, _LEAST)
     return -1
 
 
@@ -419,17 +419,17 @@ def mujoco_friction(scene: Scene | Mapping[str, Scene], model: Any) -> MujocoFri
     Source: MuJoCo documentation, Computation: constraint model, friction loss.
     """
     scenes = scene if isinstance(scene, Mapping) else {"": scene}
-    for one in scenes.values():
-        expect_scene(one, "mujoco_friction")
-        check_compensated(one)
-        if one.springs:
+    for robot in scenes.values():
+        expect_scene(robot, "mujoco_friction")
+        check_compensated(robot)
+        if robot.springs:
             raise PinfricError(
-                f"{one.source}: springs: mujoco_friction takes loads without springs, but there is "
-                f"{one.springs[0].name!r}; take pf.export's constants, or leave `springs` out"
+                f"{robot.source}: springs: mujoco_friction takes loads without springs, but there "
+                f"is {robot.springs[0].name!r}; take pf.export's constants, or leave `springs` out"
             )
     mujoco = _mujoco()
     if isinstance(model, mujoco.MjSpec):
-        sizes = {prefix: len(one.drives) for prefix, one in scenes.items()}
+        sizes = {prefix: len(robot.drives) for prefix, robot in scenes.items()}
         model = with_memory(mujoco, model, sizes)
     if not isinstance(model, mujoco.MjModel):
         raise PinfricError(
@@ -474,10 +474,10 @@ def _joints(mujoco: Any, scene: Scene, model: Any, prefix: str) -> list[int]:
     return indices
 
 
-def _check_nothing_between(scene: Scene, model: Any, found: list[int]) -> None:
+def _check_nothing_between(scene: Scene, model: Any, joints: list[int]) -> None:
     """Refuse further joints in the robot; a cart under it may have some."""
-    for j, body in zip(found, bodies(scene), strict=True):
-        above = int(model.jnt_bodyid[found[body.parent]]) if body.parent >= 0 else None
+    for j, body in zip(joints, bodies(scene), strict=True):
+        above = int(model.jnt_bodyid[joints[body.parent]]) if body.parent >= 0 else None
         at = int(model.jnt_bodyid[j])
         while True:
             first, count = model.body_jntadr[at], model.body_jntnum[at]
@@ -605,20 +605,20 @@ def _check_same_robot(mujoco: Any, friction: _Robot, tree: Any) -> None:
     of, rng = pins.createData(), np.random.default_rng(0)
     for _ in range(3):
         q, v, a = rng.uniform(-1.0, 1.0, (3, scene.model.nv))
-        every = np.zeros((3, len(tree)))
-        every[:, friction.row] = q, v, a
+        motion = np.zeros((3, len(tree)))
+        motion[:, friction.row] = q, v, a
         for row, body in enumerate(tree):
             if body.follows is not None:
                 name, ratio, shift = body.follows
-                every[:, row] = ratio * every[:, leader[name]] + [shift, 0.0, 0.0]
+                motion[:, row] = ratio * motion[:, leader[name]] + [shift, 0.0, 0.0]
         mujoco.mj_resetData(plain, data)
         for name, j in ids.items():
             if j >= 0:
                 data.qpos[plain.jnt_qposadr[j]] = locked[name]
         _follow(mujoco, plain, data)
-        data.qpos[plain.jnt_qposadr[friction.joint]] = every[0]
+        data.qpos[plain.jnt_qposadr[friction.joint]] = motion[0]
         dofs = plain.jnt_dofadr[friction.joint]
-        data.qvel[dofs], data.qacc[dofs] = every[1:]
+        data.qvel[dofs], data.qacc[dofs] = motion[1:]
         mujoco.mj_fwdPosition(plain, data)
         mujoco.mj_fwdVelocity(plain, data)
         mujoco.mj_rnePostConstraint(plain, data)

@@ -154,14 +154,14 @@ def _compiled(mujoco: Any, scenes: Sequence[Scene], constants: dict[str, float])
     code = template("mujoco_callback.cpp")
     for name, value in {**constants, "LAST": _LAST}.items():
         code = code.replace(f"@@{name}", repr(value))
-    every = range(len(scenes))
+    indices = range(len(scenes))
     declared = "\n".join(
         f"void pinfric_control_{k}(const mjModel*, mjData*);\n"
         f"void pinfric_sensor_{k}(const mjModel*, mjData*, int);"
-        for k in every
+        for k in indices
     )
-    control = " ".join(f"pinfric_control_{k}(m, d);" for k in every)
-    sensor = " ".join(f"pinfric_sensor_{k}(m, d, stage);" for k in every)
+    control = " ".join(f"pinfric_control_{k}(m, d);" for k in indices)
+    sensor = " ".join(f"pinfric_sensor_{k}(m, d, stage);" for k in indices)
     texts = {"all.cpp": _ALL.format(declared=declared, control=control, sensor=sensor)}
     for k, scene in enumerate(scenes):
         name, bounds = f"pinfric_scene_{k}", Bounds.none(len(scene.drives))

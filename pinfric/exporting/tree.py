@@ -51,7 +51,7 @@ def check_plain_tree(scene: Scene) -> tuple[JointColumn, ...]:
         PinfricError: loops, friction along springs, drives off the joints or coupled, or joints of
             several degrees of freedom; named.
     """
-    off_joint = [given for a in scene.actuators or () if (given := a.cylinder or a.force)]
+    off_joint = [entry for a in scene.actuators or () if (entry := a.cylinder or a.force)]
     for what, named in (("the loop", scene.loops), ("the drive off the joints", off_joint)):
         if named:
             more = f" (and {len(named) - 1} more)" if len(named) > 1 else ""

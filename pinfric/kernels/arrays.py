@@ -15,12 +15,12 @@ def array(shape: str, kind: type = float, fill: float | None = 0.0) -> Any:
 
 def make(fields: Any, **sizes: int) -> Any:
     """Return a NamedTuple of arrays as its fields' defaults (`array`) describe them."""
-    made = {}
+    arrays = {}
     for name, (shape, kind, fill) in fields._field_defaults.items():
-        made[name] = np.empty([sizes[n] if n in sizes else int(n) for n in shape], kind)
+        arrays[name] = np.empty([sizes[n] if n in sizes else int(n) for n in shape], kind)
         if fill is not None:
-            made[name].fill(fill)
-    return fields(**made)
+            arrays[name].fill(fill)
+    return fields(**arrays)
 
 
 def rows_of(arrays: Sequence[np.ndarray]) -> np.ndarray | None:

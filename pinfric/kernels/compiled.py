@@ -72,8 +72,8 @@ def check_numba(version: str) -> None:
         raise PinfricError(
             f"{what}; this version has no {', '.join(missing)}; install a tested one"
         )
-    found = tuple(int(part) for part in re.findall(r"\d+", version)[:2])
-    if not _TESTED[0] <= found < _TESTED[1]:
+    release = tuple(int(number) for number in re.findall(r"\d+", version)[:2])
+    if not _TESTED[0] <= release < _TESTED[1]:
         text = f"{what}; install a tested one if kernels fail to compile or to load"
         warnings.warn(text, PinfricWarning, stacklevel=2)
 
@@ -93,15 +93,15 @@ def kernel(function: Callable[..., Any]) -> Callable[..., Any]:
     return _compiled(function, {"nogil": True, "error_model": "numpy"}, waits=True)
 
 
-def call_compiled(made: Any, *arguments: Any) -> Any:
+def call_compiled(kernel: Any, *arguments: Any) -> Any:
     """Call a kernel compiled even for a small problem: the call may take long."""
     with compiling():
-        return made(*arguments)
+        return kernel(*arguments)
 
 
-def compile_for(made: Any, *arguments: Any) -> None:
+def compile_for(kernel: Any, *arguments: Any) -> None:
     """Compile a kernel for arguments like these, without calling it."""
-    made.compile(tuple(typeof(argument) for argument in arguments))
+    kernel.compile(tuple(typeof(argument) for argument in arguments))
 
 
 @contextmanager
@@ -123,9 +123,9 @@ def inlined_kernel(function: Callable[..., Any]) -> Callable[..., Any]:
     return _compiled(function, options, waits=True)
 
 
-def inlined(made: Any) -> Callable[..., Any]:
+def inlined(kernel: Any) -> Callable[..., Any]:
     """Return a kernel as an `inlined_kernel`, for callers in a hurry."""
-    return inlined_kernel(made.py_func)
+    return inlined_kernel(kernel.py_func)
 
 
 def parallel_kernel(function: Callable[..., Any]) -> Callable[..., Any]:
@@ -137,34 +137,34 @@ def parallel_kernel(function: Callable[..., Any]) -> Callable[..., Any]:
 def _compiled(
     function: Callable[..., Any], options: dict[str, Any], *, waits: bool
 ) -> Callable[..., Any]:
-    made: Callable[..., Any] = numba.njit(**options)(function)
+    dispatcher: Callable[..., Any] = numba.njit(**options)(function)
     try:
         cached: Any = _CheckedCache(function)
         CLOCK.keep_in(cached.cache_path)
-        _KERNELS.setdefault(cached.index, made)
-        compiler = made._compiler  # type: ignore[attr-defined]
+        _KERNELS.setdefault(cached.index, dispatcher)
+        compiler = dispatcher._compiler  # type: ignore[attr-defined]
         compiler._compile_core = _as_kept(compiler._compile_core, cached.index)
     except RuntimeError:  # numba finds no folder to cache in (a read-only installation)
         cached = _NoCache(function)
-    vars(made)["_cache"] = cached
-    call_template = made.get_call_template  # type: ignore[attr-defined]
+    vars(dispatcher)["_cache"] = cached
+    call_template = dispatcher.get_call_template  # type: ignore[attr-defined]
 
     def template_of_types(args: Any, kws: Any) -> Any:
         """Compile callees by types; numba would compile one for each constant."""
-        named = {name: unliteral(one) for name, one in kws.items()}
-        return call_template([unliteral(one) for one in args], named)
+        named = {name: unliteral(kind) for name, kind in kws.items()}
+        return call_template([unliteral(kind) for kind in args], named)
 
-    vars(made)["get_call_template"] = template_of_types
+    vars(dispatcher)["get_call_template"] = template_of_types
     if waits:
-        compiled_for = made._compile_for_args  # type: ignore[attr-defined]
+        compiled_for = dispatcher._compile_for_args  # type: ignore[attr-defined]
 
         def first_call(*arguments: Any) -> Any:
-            if is_small(arguments) and not is_ready(made, arguments):
-                return interpreted(made, compiled_for)
+            if is_small(arguments) and not is_ready(dispatcher, arguments):
+                return interpreted(dispatcher, compiled_for)
             return compiled_for(*arguments)
 
-        vars(made)["_compile_for_args"] = first_call
-    return made
+        vars(dispatcher)["_compile_for_args"] = first_call
+    return dispatcher
 
 
 def _as_kept(compile_core: Callable[..., Any], index: str) -> Callable[..., Any]:
@@ -185,17 +185,17 @@ def _as_kept(compile_core: Callable[..., Any], index: str) -> Callable[..., Any]
     return run
 
 
-def is_ready(made: Any, arguments: tuple[Any, ...]) -> bool:
+def is_ready(kernel: Any, arguments: tuple[Any, ...]) -> bool:
     """Whether to call a kernel compiled: it is, or is cached, or no time to interpret is left."""
     if CLOCK.is_over():
         return True
-    if made.overloads or made not in _MISSING:
+    if kernel.overloads or kernel not in _MISSING:
         types_ = tuple(typeof(argument) for argument in arguments)
-        if types_ in made.overloads:
+        if types_ in kernel.overloads:
             return True
-        if made not in _MISSING and made._cache.kept(types_, made.targetctx) is not None:
+        if kernel not in _MISSING and kernel._cache.kept(types_, kernel.targetctx) is not None:
             return True
-        _MISSING.add(made)
+        _MISSING.add(kernel)
     return False
 
 
@@ -238,8 +238,8 @@ def record(fields: type) -> Any:
     module, name = sys.modules[fields.__module__], fields.__name__
 
     class Struct(types.StructRef):
-        def preprocess_fields(self, given: Any) -> Any:
-            return tuple((key, types.unliteral(kind)) for key, kind in given)
+        def preprocess_fields(self, members: Any) -> Any:
+            return tuple((key, types.unliteral(kind)) for key, kind in members)
 
     Struct.__name__ = Struct.__qualname__ = f"{name}Struct"  # where pickle, and so the cache,
     Struct.__module__ = fields.__module__  # finds it
@@ -276,14 +276,14 @@ def boxed(values: Fields, kept: Sequence[KernelArgument[Any]] = ()) -> Fields:
         values: the NamedTuple.
         kept: its fields that have a record already.
     """
-    known = {id(one.given): one for one in kept}
+    known = {id(argument.given): argument for argument in kept}
     parts = [
-        known[id(part)].record()
-        if id(part) in known
-        else boxed(part)
-        if type(part) in _BOXES
-        else part
-        for part in values
+        known[id(entry)].record()
+        if id(entry) in known
+        else boxed(entry)
+        if type(entry) in _BOXES
+        else entry
+        for entry in values
     ]
     return cast("Fields", _BOXES[type(values)](type(values)(*parts)))
 
@@ -324,7 +324,7 @@ class KernelArgument(Generic[Fields]):
 
 def _is_kept(values: Any) -> bool:
     """Whether the function that makes the record of a NamedTuple (or its first one) is compiled."""
-    inner = next((part for part in values if type(part) in _BOXES), None)
+    inner = next((entry for entry in values if type(entry) in _BOXES), None)
     if inner is not None:
         return _is_kept(inner)
     box = _BOXES[type(values)]  # a record is of one type always
@@ -387,16 +387,18 @@ class _Place(_Numba):
 
 def _is_loaded(symbol: str, index: str, types_: tuple[Any, ...], target_context: Any) -> bool:
     """Load a kernel; return whether it has this symbol, or LLVM would end the process."""
-    made = _KERNELS.get(index)
-    if made is None:
+    dispatcher = _KERNELS.get(index)
+    if dispatcher is None:
         return False
-    if types_ not in made.overloads:
-        found = made._cache.kept(types_, target_context)
-        if found is None:
+    if types_ not in dispatcher.overloads:
+        overload = dispatcher._cache.kept(types_, target_context)
+        if overload is None:
             return False
-        target_context.insert_user_function(found.entry_point, found.fndesc, [found.library])
-        made.add_overload(found)
-    return bool(made.overloads[types_].fndesc.llvm_func_name == symbol)
+        target_context.insert_user_function(
+            overload.entry_point, overload.fndesc, [overload.library]
+        )
+        dispatcher.add_overload(overload)
+    return bool(dispatcher.overloads[types_].fndesc.llvm_func_name == symbol)
 
 
 class _CheckedCache(FunctionCache):
@@ -419,17 +421,17 @@ class _CheckedCache(FunctionCache):
 
     def kept(self, sig: Any, target_context: Any) -> Any:
         """Return the cached kernel for arguments of these types, or None."""
-        found = super().load_overload(sig, target_context)
-        if found is not None:
+        compiled = super().load_overload(sig, target_context)
+        if compiled is not None:
             PROGRESS.end(self._function, compiled=False)
-        return found
+        return compiled
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """Return the cached kernel; if None, numba compiles next."""
-        found = self.kept(sig, target_context)
-        if found is None:
+        compiled = self.kept(sig, target_context)
+        if compiled is None:
             PROGRESS.begin(self._function, "they are kept for later runs")
-        return found
+        return compiled
 
     def save_overload(self, sig: Any, data: Any) -> None:
         """Cache the compiled kernel; a full disk is ignored."""
@@ -493,12 +495,12 @@ class _CheckedFile(IndexDataCacheFile):
 
     def _load_index(self) -> dict[Any, Any]:
         version = pickle.dumps(self._version, protocol=-1)  # begins every index, see numba
-        found = self._intact(self._index_path, len(version))
-        if found is None:
+        content = self._intact(self._index_path, len(version))
+        if content is None:
             return {}
         with suppress(OSError):  # of another user
             os.utime(self._index_path)
-        return dict(found[1])
+        return dict(content[1])
 
     def _load_data(self, name: str) -> Any:
         return self._intact(os.path.join(self._cache_path, name), 0)

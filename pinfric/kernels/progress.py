@@ -75,12 +75,12 @@ class CompileProgress(event.Listener):
 
     def line(self) -> str:
         """Return the progress as one line."""
-        seconds, left = self._seconds + time.monotonic() - self._began, dict(self._left)
+        seconds, remaining = self._seconds + time.monotonic() - self._began, dict(self._left)
         done = f"{self._count} done in {seconds:.0f} s"
-        said = f"compiling kernels: {done}, {len(left)} to go in this step"
-        if len(left) < _FEW or not self._done:
+        said = f"compiling kernels: {done}, {len(remaining)} to go in this step"
+        if len(remaining) < _FEW or not self._done:
             return said
-        return f"{said}, about {seconds * sum(left.values()) / self._done:.0f} s"
+        return f"{said}, about {seconds * sum(remaining.values()) / self._done:.0f} s"
 
     def _watch(self) -> None:
         last = time.monotonic()
@@ -105,12 +105,12 @@ def _say(text: str) -> None:
 
 def _reached(function: Callable[..., Any]) -> set[Callable[..., Any]]:
     """Return the functions of a kernel and of all kernels that it calls, without inlined ones."""
-    found, queue = {function}, [function]
+    functions, queue = {function}, [function]
     for each in queue:  # grows while it is walked
         for name in each.__code__.co_names:
             callee = each.__globals__.get(name)
-            if isinstance(callee, Dispatcher) and callee.py_func not in found:
+            if isinstance(callee, Dispatcher) and callee.py_func not in functions:
                 queue.append(callee.py_func)
                 if callee.targetoptions.get("inline", "never") == "never":
-                    found.add(callee.py_func)
-    return found
+                    functions.add(callee.py_func)
+    return functions

@@ -247,7 +247,7 @@ def _geometry(mechanism: Mechanism) -> Geometry:
     triad = np.array([_triad(j.axis) for j in joints])
     sites = [k for k, joint in enumerate(joints) if joint.friction is not None]
     friction = [joint.friction for joint in joints if joint.friction is not None]
-    widths = [getattr(one, "width", None) for one in friction]
+    widths = [getattr(law, "width", None) for law in friction]
     return Geometry(
         mass=np.array([b.mass for b in bodies], float),
         inertia=np.array([np.asarray(b.inertia, float) for b in bodies]),
@@ -266,12 +266,12 @@ def _geometry(mechanism: Mechanism) -> Geometry:
             ]
         ),
         sites=np.array(sites, int),
-        radius=np.array([getattr(one, "radius", 1.0) for one in friction], float),
-        per_length=np.array([1.0 / one.length if one.length else 0.0 for one in friction], float),
+        radius=np.array([getattr(law, "radius", 1.0) for law in friction], float),
+        per_length=np.array([1.0 / law.length if law.length else 0.0 for law in friction], float),
         per_width=np.array([1.0 / width if width else 0.0 for width in widths], float),
-        static=np.array([one.static for one in friction], float),
-        kinetic=np.array([one.kinetic for one in friction], float),
-        stick_velocity=np.array([one.stick_velocity for one in friction], float),
+        static=np.array([law.static for law in friction], float),
+        kinetic=np.array([law.kinetic for law in friction], float),
+        stick_velocity=np.array([law.stick_velocity for law in friction], float),
         drive_parent=np.array([number[a.parent] for a in actuators]),
         drive_child=drive_child,
         drive_arm=np.array([np.asarray(a.point, float) for a in actuators]) - center[drive_child],

@@ -132,8 +132,8 @@ class Relative:
     @property
     def constraint(self) -> Array:
         """Phi_q (T, m, n), or Phi or gamma (T, m): the rows that are forbidden."""
-        samples, joints, _, *rest = self.rows.shape
-        return self.rows.reshape(samples, 6 * joints, *rest)[:, self.geometry.constrained]
+        samples, joints, _, *columns = self.rows.shape
+        return self.rows.reshape(samples, 6 * joints, *columns)[:, self.geometry.constrained]
 
     @property
     def axis(self) -> Array:

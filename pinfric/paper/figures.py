@@ -103,12 +103,12 @@ def _axes(r: Reproduction, caption: str, count: int = 1) -> tuple[Figure, list[A
     axes = figure.subplots(count, 1, sharex=True, squeeze=False)[:, 0].tolist()
     figure.supxlabel(caption, fontsize=10.5, x=0.5)
     site, t = r.scene.site_names.index(r.example.site), r.motion.t
-    for one in axes:
+    for panel in axes:
         for first, last in runs(r.result.sticking[:, site]):
-            one.axvspan(t[first], t[last], color=_STICKING, alpha=0.2, linewidth=0)
-        one.axhline(0, color="#AAAAAA", linewidth=0.7, zorder=0)
-        one.spines[["top", "right"]].set_visible(False)
-        one.margins(x=0)
+            panel.axvspan(t[first], t[last], color=_STICKING, alpha=0.2, linewidth=0)
+        panel.axhline(0, color="#AAAAAA", linewidth=0.7, zorder=0)
+        panel.spines[["top", "right"]].set_visible(False)
+        panel.margins(x=0)
     axes[-1].set_xlabel("time (s)")
     (start, end), (low, high) = r.stick, r.example.printed
     axes[0].annotate(

@@ -170,17 +170,17 @@ def _sliding_friction(constant: Array, slope: Array, factor: Array) -> Array | N
         force = constant + (friction @ flat).reshape(shape)
         return friction - factor * np.sqrt((force**2).sum(axis=-1)).sum(axis=-1)
 
-    def small(friction: Array, rest: Array) -> bool:
+    def small(friction: Array, error: Array) -> bool:
         size = terms + np.abs(friction) @ slopes
-        return bool(np.all(np.abs(rest) <= CONVERGED * np.abs(factor) * size))
+        return bool(np.all(np.abs(error) <= CONVERGED * np.abs(factor) * size))
 
     start = -residual(np.zeros(len(factor)))
     friction = start
     for _ in range(30):
-        rest = residual(friction)
-        if small(friction, rest):
+        error = residual(friction)
+        if small(friction, error):
             return friction
-        friction = friction - rest
+        friction = friction - error
     friction = root(residual, start, method="hybr", options={"xtol": CONVERGED}).x
     return friction if small(friction, residual(friction)) else None
 
@@ -231,7 +231,7 @@ def find_modes(
         if len(consistent) == 1:
             return consistent[0]
         if consistent:
-            raise NoConsistentFriction(*where, state.effort, [one.modes for one in consistent])
+            raise NoConsistentFriction(*where, state.effort, [x.modes for x in consistent])
     raise NoConsistentFriction(*where, state.effort, [])
 
 

@@ -12,28 +12,28 @@ if TYPE_CHECKING:
     from rich.console import RenderableType
 
 
-def paper_report(found: Sequence[Reproduction], loop_difference: float) -> list[RenderableType]:
+def paper_report(examples: Sequence[Reproduction], loop_difference: float) -> list[RenderableType]:
     """Return what `pinfric paper` prints: a row for each of the paper's claims."""
     from rich.text import Text
 
     rows = {
-        "sticks, printed": [_span(r.example.printed, 3) for r in found],
-        "sticks, reduced formulation": [_span(r.stick, 6) for r in found],
-        "sticks, absolute formulation": [_span(r.stick_absolute, 6) for r in found],
+        "sticks, printed": [_span(r.example.printed, 3) for r in examples],
+        "sticks, reduced formulation": [_span(r.stick, 6) for r in examples],
+        "sticks, absolute formulation": [_span(r.stick_absolute, 6) for r in examples],
         "recovered torque outside stiction: largest error": [
-            f"{r.max_torque_error:.1e} N m" for r in found
+            f"{r.max_torque_error:.1e} N m" for r in examples
         ],
         "stick samples whose interval brackets the torque": [
-            f"{100 * r.bracketed:.0f} %" for r in found
+            f"{100 * r.bracketed:.0f} %" for r in examples
         ],
         "width of the interval - 2 mu_s c: largest": [
-            f"{r.max_width_error:.1e} N m" for r in found
+            f"{r.max_width_error:.1e} N m" for r in examples
         ],
         "reduced against absolute: efforts, loads, reactions": [
-            f"{r.max_formulation_difference:.1e}" for r in found
+            f"{r.max_formulation_difference:.1e}" for r in examples
         ],
     }
-    names = [r.example.name for r in found]
+    names = [r.example.name for r in examples]
     table = _table("Park, Yoo, Hwang, Bae: both examples", names, rows)
     readings = [Text(f"- {reading}") for reading in READINGS]
     return [
@@ -49,18 +49,18 @@ def paper_report(found: Sequence[Reproduction], loop_difference: float) -> list[
     ]
 
 
-def literal_report(found: Sequence[LiteralReading]) -> list[RenderableType]:
+def literal_report(readings: Sequence[LiteralReading]) -> list[RenderableType]:
     """Return what `pinfric paper --reading literal` prints."""
     from rich.text import Text
 
     rows = {
-        "sticks, printed": [_span(r.example.printed, 3) for r in found],
-        "first stick": [_span(r.stick, 4) for r in found],
+        "sticks, printed": [_span(r.example.printed, 3) for r in readings],
+        "first stick": [_span(r.stick, 4) for r in readings],
         "neither stick nor slip is consistent at": [
-            "never" if r.stops_at is None else f"{r.stops_at:.4f} s" for r in found
+            "never" if r.stops_at is None else f"{r.stops_at:.4f} s" for r in readings
         ],
     }
-    table = _table("the data as printed", [r.example.name for r in found], rows)
+    table = _table("the data as printed", [r.example.name for r in readings], rows)
     return [
         table,
         Text(),

@@ -98,9 +98,9 @@ def drive_work(motion: Motion) -> list[DriveWork]:
     energy = motion.energy()
     heat = dict(zip(motion.site_names, energy.friction_loss.tolist(), strict=True))
     gears = motion.motor_torque is not None
-    rest: dict[str, float] = dict.fromkeys(motion.site_names, 0.0)
+    stick_time: dict[str, float] = dict.fromkeys(motion.site_names, 0.0)
     for interval in motion.stick_intervals():
-        rest[interval.site] += interval.duration
+        stick_time[interval.site] += interval.duration
     return [
         DriveWork(
             name=drive.name,
@@ -110,7 +110,7 @@ def drive_work(motion: Motion) -> list[DriveWork]:
             work=float(np.trapezoid(motion.effort[:, i] * rates[:, i], t)),
             heat=heat.get(drive.name, np.nan),
             gear_heat=float(energy.gear_loss[i]) if gears else np.nan,
-            stick_time=rest.get(drive.name, np.nan),
+            stick_time=stick_time.get(drive.name, np.nan),
         )
         for i, drive in enumerate(scene.drives)
     ]

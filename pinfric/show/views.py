@@ -87,9 +87,9 @@ def summary(result: Any) -> pd.DataFrame:
 
 
 def _of(known: Mapping[type, Callable[..., Any]], result: Any, what: str) -> Callable[..., Any]:
-    for kind, made in known.items():
+    for kind, function in known.items():
         if isinstance(result, kind):
-            return made
+            return function
     kinds = "inverse_dynamics, simulate, size, retime, sweep and identify"
     raise StateError(f"a {type(result).__name__} has no {what}; results of {kinds} have one")
 
@@ -126,7 +126,7 @@ def _sizing(result: SizingReport) -> pd.DataFrame:
     for column, name in (("choice", "name"), ("mass", "mass"), ("ratio", "ratio")):
         table[column] = [getattr(candidate, name, None) for candidate in candidates]
     verdicts = result.verdict.joints or [None] * len(chosen)
-    table["margin"] = [getattr(one, "margin", None) for one in verdicts]
+    table["margin"] = [getattr(verdict, "margin", None) for verdict in verdicts]
     table["nearest_miss"] = [joint.no_fit or None for joint in result.joints]
     table.attrs["units"] |= {"mass": "kg", "ratio": "1 or rad/m", "margin": "1"}
     return table

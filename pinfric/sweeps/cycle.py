@@ -118,7 +118,7 @@ def compute(study: Study, rows: np.ndarray, values: np.ndarray) -> pd.DataFrame:
 
     sums, judged = study.superposition, bool(study.trials)
     stored: Iterable[Stored | None] = repeat(None) if sums is None else sums.cycles(values, judged)
-    cycles = [_cycle(study, *given) for given in zip(values, stored, strict=False)]
+    cycles = [_cycle(study, *sample) for sample in zip(values, stored, strict=False)]
     table = np.array([cycle.figures for cycle in cycles]).reshape(len(rows), -1)
     drives = study.scene.actuator_names
     columns: dict[str, Any] = {"sample": rows}

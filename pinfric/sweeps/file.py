@@ -145,17 +145,17 @@ class SweepFile(Entry):
         return self
 
 
-def load_sweep(given: SweepFile | Mapping[str, Any] | str | Path) -> tuple[SweepFile, str]:
+def load_sweep(sweep: SweepFile | Mapping[str, Any] | str | Path) -> tuple[SweepFile, str]:
     """Return a sweep and its source, from a file, a bundled file's name, or a mapping.
 
     Raises:
         SweepError: all that is wrong with it, in one message.
     """
-    if isinstance(given, SweepFile):
-        return given, "sweep"
-    if isinstance(given, Mapping):
-        return parse(SweepFile, dict(given), "sweep", SweepError), "sweep"
-    path = find_file(given, (".sweep.yaml",), SweepError)
+    if isinstance(sweep, SweepFile):
+        return sweep, "sweep"
+    if isinstance(sweep, Mapping):
+        return parse(SweepFile, dict(sweep), "sweep", SweepError), "sweep"
+    path = find_file(sweep, (".sweep.yaml",), SweepError)
     content = read_yaml(path, SweepError, "pinfric_sweep")
     entries = parse(SweepFile, content, str(path), SweepError)
     if entries.table is not None:

@@ -169,9 +169,9 @@ def _find(scene: Scene, name: str) -> tuple[str, str, tuple[str, ...]]:
     """Return the section, key and names that a parameter's name means."""
     if name == "speed":
         return "speed", "", ()
-    section, _, rest = name.partition(".")
-    if section == "mounting" and rest in _ANGLES:
-        return section, rest, ()
+    section, _, path = name.partition(".")
+    if section == "mounting" and path in _ANGLES:
+        return section, path, ()
     keys = {
         "friction": (
             *(f"coulomb.{way}" for way in _DIRECTIONS),
@@ -184,8 +184,8 @@ def _find(scene: Scene, name: str) -> tuple[str, str, tuple[str, ...]]:
         "payload": _PAYLOAD_KEYS,
     }.get(section, ())
     for key in keys:
-        if rest.endswith(f".{key}"):
-            return section, key, _matches(scene, section, key, rest[: -len(key) - 1])
+        if path.endswith(f".{key}"):
+            return section, key, _matches(scene, section, key, path[: -len(key) - 1])
     raise SweepError(f"unknown parameter; {choose_from(name, _FORMS)}")
 
 
@@ -244,10 +244,10 @@ def _found(entry: Any, key: str) -> Any:
 
 def _scaled(entry: Any, key: str, factor: float) -> Any:
     """Return the entry with the value at a key times a factor (a key of `SET`: set to it)."""
-    first, _, rest = key.partition(".")
+    first, _, inner = key.partition(".")
     value = getattr(entry, first)
-    if rest:
-        changed = _scaled(value, rest, factor)
+    if inner:
+        changed = _scaled(value, inner, factor)
     elif first in SET:
         changed = factor
     else:

@@ -122,12 +122,12 @@ def _samples(
 
     frames: list[pd.DataFrame] = []
     n, done = len(values), 0
-    every = np.arange(n)
+    indices = np.arange(n)
     tell = progress or (lambda done, total: None)
     tell(done, n)
     for _ in range(2):  # kernels are loaded by the first
         start = perf_counter()
-        compute(study, every[:1], values[:1])
+        compute(study, indices[:1], values[:1])
         seconds = perf_counter() - start
     used = processes or int(effective_n_jobs())
     if processes is None and used == 1 and seconds * n >= _SHORT:
@@ -135,7 +135,7 @@ def _samples(
     # batches of about `_BATCH` s, some for every process
     size = int(np.clip(_BATCH / max(seconds, 1e-6), 1, _MOST_PER_BATCH))
     size = max(min(size, n // (4 * used)), 1)
-    parts = (every[start : start + size] for start in range(0, n, size))
+    parts = (indices[start : start + size] for start in range(0, n, size))
     batches: Iterable[pd.DataFrame]
     if used == 1:
         batches = (compute(study, rows, values[rows]) for rows in parts)

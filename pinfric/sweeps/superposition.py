@@ -151,7 +151,7 @@ class Superposition:
                 inertias = np.tensordot(bodies[i], self._inertias, 1).max(axis=0)
                 yield Stored(figures[i], self._result(cycle, values[i], speed[i]), inertias)
 
-    def _result(self, now: Cycle, sample: np.ndarray, speed: float) -> InverseResult:
+    def _result(self, cycle: Cycle, sample: np.ndarray, speed: float) -> InverseResult:
         """Return the result of the buffered cycle, as far as the criteria of `size` need it."""
         like, t = self._like, self.trajectory.t
         # of the friction they ask nothing, of what is carried nothing where wrenches are known
@@ -161,21 +161,21 @@ class Superposition:
         scene, _ = apply(
             self.scene, self.trajectory, [self.targets[j] for j in some], sample[some].tolist()
         )
-        here = now.samples._asdict() | now._asdict()
+        here = cycle.samples._asdict() | cycle._asdict()
         stored = {entry.name: here[entry.name] for entry in fields(like) if entry.name in here}
         if not self.path.geared:
-            ends = now.samples.effort_lower, now.samples.effort_upper
+            ends = cycle.samples.effort_lower, cycle.samples.effort_upper
             stored |= dict(zip(("motor_torque_lower", "motor_torque_upper"), ends, strict=True))
-        stored["wrench"] = None if like.wrench is None else now.wrench
+        stored["wrench"] = None if like.wrench is None else cycle.wrench
         moved = replace(
-            like.states, v=now.velocity, a=now.acceleration, t=t[0] + (t - t[0]) / speed
+            like.states, v=cycle.velocity, a=cycle.acceleration, t=t[0] + (t - t[0]) / speed
         )
         return replace(
             like,
             scene=scene,
             states=moved,
-            actuator_velocity=now.velocity,
-            actuator_acceleration=now.acceleration,
+            actuator_velocity=cycle.velocity,
+            actuator_acceleration=cycle.acceleration,
             **stored,
         )
 
@@ -414,7 +414,5 @@ def gears_of_samples(scene: Scene, targets: Sequence[Target], values: np.ndarray
 def proportional(term: FrictionTerm) -> bool:
     """Whether a factor on a term multiplies its strengths and nothing else."""
     stribeck = Stribeck(velocity=1.0)
-    once, twice = (
-        ((CONSTANT, one.at_rest()), *one.rows(stribeck)) for one in (term, term.scaled(2.0))
-    )
+    once, twice = (((CONSTANT, t.at_rest()), *t.rows(stribeck)) for t in (term, term.scaled(2.0)))
     return twice == tuple((shape, tuple(2.0 * x for x in strength)) for shape, strength in once)

@@ -111,7 +111,7 @@ def write_figures(
     wrench: np.ndarray,
     path: Path,
     varied: Varied,
-    now: Cycle,
+    cycle: Cycle,
     figures: np.ndarray,
     start: int,
     stop: int,
@@ -121,46 +121,46 @@ def write_figures(
     Args:
         effort, wrench: `Basis`.
         path, varied: what the cycles share, and what not.
-        now: buffers, which hold the last cycle afterwards.
+        cycle: buffers, which hold the last cycle afterwards.
         figures: (n, na, 5) peak, RMS, both at the motor's shaft, largest speed; overwritten.
         start, stop: which of the n cycles.
     """
-    x = now.samples
+    x = cycle.samples
     for c in range(start, stop):
-        _move(path, varied.speed[c], now)
+        _move(path, varied.speed[c], cycle)
         _superpose(effort, varied.coefficient[c], 0, x.effort_frictionless.reshape(-1))
-        _bound_blocks(wrench, path, varied, c, now)
+        _bound_blocks(wrench, path, varied, c, cycle)
         efforts = x.effort_lower, x.effort_upper
         _reduce(path.weight, *efforts, figures[c], 0)
         torques = efforts
         if path.geared:
-            torques = now.motor_torque_lower, now.motor_torque_upper
+            torques = cycle.motor_torque_lower, cycle.motor_torque_upper
             write_motor_torques(
                 gears_of_row(varied.gears, c % varied.gears.viscous.shape[0]),
                 *efforts,
-                now.velocity,
-                now.acceleration,
-                now.turns,
+                cycle.velocity,
+                cycle.acceleration,
+                cycle.turns,
                 *torques,
             )
         _reduce(path.weight, *torques, figures[c], 2)
         for d in range(figures.shape[1]):
-            figures[c, d, 4] = np.abs(now.velocity[:, d]).max()
+            figures[c, d, 4] = np.abs(cycle.velocity[:, d]).max()
 
 
 @kernel
-def _move(path: Path, speed: float, now: Cycle) -> None:
+def _move(path: Path, speed: float, cycle: Cycle) -> None:
     """Write velocities, accelerations and reversals at a speed factor."""
-    sites, x = path.sites, now.samples
+    sites, x = path.sites, cycle.samples
     for i in range(path.v.shape[0]):
         for d in range(path.v.shape[1]):
-            now.velocity[i, d] = path.v[i, d] * speed
-            now.acceleration[i, d] = path.a[i, d] * (speed * speed)
-            now.turns[i, d] = False
+            cycle.velocity[i, d] = path.v[i, d] * speed
+            cycle.acceleration[i, d] = path.a[i, d] * (speed * speed)
+            cycle.turns[i, d] = False
         for s in range(sites.joint.size):
-            x.velocity[i, s] = now.velocity[i, sites.velocity_index[s]] * sites.ratio[s]
+            x.velocity[i, s] = cycle.velocity[i, sites.velocity_index[s]] * sites.ratio[s]
             x.reversal[i, s] = False
-    mark_reversals(now.velocity, path.stick_velocity, now.turns)
+    mark_reversals(cycle.velocity, path.stick_velocity, cycle.turns)
     mark_reversals(x.velocity, sites.laws.stick_velocity, x.reversal)
 
 
@@ -176,17 +176,17 @@ def _superpose(basis: np.ndarray, coefficient: np.ndarray, start: int, out: np.n
 
 
 @kernel
-def _bound_blocks(wrench: np.ndarray, path: Path, varied: Varied, c: int, now: Cycle) -> None:
+def _bound_blocks(wrench: np.ndarray, path: Path, varied: Varied, c: int, cycle: Cycle) -> None:
     """Write loads, friction and efforts of one cycle from the summed wrenches, by blocks."""
     t, samples, width = path.sites, path.v.shape[0], 6 * path.sites.joint.size
     laws = laws_of_row(varied.laws, c % varied.laws.viscous.shape[0])
     sites = SiteTables(t.joint, t.axis, t.contacts, laws, t.velocity_index, t.ratio)
-    for start in range(0, samples, now.wrench.shape[0]):
-        stop = min(start + now.wrench.shape[0], samples)
-        here = now.wrench[: stop - start]
+    for start in range(0, samples, cycle.wrench.shape[0]):
+        stop = min(start + cycle.wrench.shape[0], samples)
+        here = cycle.wrench[: stop - start]
         if wrench.shape[1] > 0:
             _superpose(wrench, varied.coefficient[c], start * width, here.reshape(-1))
-        bound_within(sites, here, part_of(now.samples, start, stop))
+        bound_within(sites, here, part_of(cycle.samples, start, stop))
 
 
 @kernel

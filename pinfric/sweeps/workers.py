@@ -58,7 +58,7 @@ def compute_in_parallel(
     """
     from joblib import Parallel, delayed
 
-    one, packed = delayed(_compute_packed), _packed(study)
+    task, packed = delayed(_compute_packed), _packed(study)
     backend = None if processes is None else "loky"
     run = Parallel(
         jobs,
@@ -72,7 +72,7 @@ def compute_in_parallel(
     try:
         with _signals_kept():
             # in a tuple: arrays by themselves are put on one worker of Dask, and lost with it
-            blocks = run(one(packed, (rows, values[rows])) for rows in batches)
+            blocks = run(task(packed, (rows, values[rows])) for rows in batches)
         yield from blocks
     except BrokenProcessPool:
         raise SweepError(

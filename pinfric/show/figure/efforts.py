@@ -124,9 +124,9 @@ def effort_figure(
         if name not in names:
             raise StateError(f"a figure: there is no drive {name!r}; {choose_from(name, names)}")
     units = [summary.unit for summary in summaries]
-    chosen, left = largest([summary.peak for summary in summaries], units, _MOST)
+    chosen, others = largest([summary.peak for summary in summaries], units, _MOST)
     if drives is not None:
-        chosen, left = [i for i, name in enumerate(names) if name in drives], ""
+        chosen, others = [i for i, name in enumerate(names) if name in drives], ""
     count = len(chosen)
     columns = 1 if count <= 8 else 2 if count <= 16 else 3
     rows = -(-count // columns)
@@ -161,7 +161,7 @@ def effort_figure(
         shown = " and ".join(dict.fromkeys(units[i] for i in chosen))
         known = "; ".join(["", *log_lines(log, {s.name: s.unit for s in summaries})])
         carries = f"; carries {', '.join(always)} all the way" if always else ""
-        text = f"effort of each drive at its joint, in {shown}{carries}{left}{note}{known}"
+        text = f"effort of each drive at its joint, in {shown}{carries}{others}{note}{known}"
         key_below(figure, title=text, alignment="left")
     return figure
 
@@ -175,14 +175,14 @@ def largest(peaks: Sequence[float], units: Sequence[str], most: int) -> tuple[li
         most: how many to draw.
     """
     scale = {u: max(p for p, unit in zip(peaks, units, strict=True) if unit == u) for u in units}
-    part = [p / (scale[u] or 1.0) for p, u in zip(peaks, units, strict=True)]
-    drawn = sorted(sorted(range(len(part)), key=lambda i: -part[i])[:most])
-    rest = [i for i in range(len(part)) if i not in set(drawn)]
+    relative = [p / (scale[u] or 1.0) for p, u in zip(peaks, units, strict=True)]
+    drawn = sorted(sorted(range(len(relative)), key=lambda i: -relative[i])[:most])
+    others = [i for i in range(len(relative)) if i not in set(drawn)]
     below = " and ".join(
-        f"{digits(max(peaks[i] for i in rest if units[i] == unit))} {unit}"
-        for unit in dict.fromkeys(units[i] for i in rest)
+        f"{digits(max(peaks[i] for i in others if units[i] == unit))} {unit}"
+        for unit in dict.fromkeys(units[i] for i in others)
     )
-    return drawn, f"; {len(rest)} more, not drawn, need at most {below}" if rest else ""
+    return drawn, f"; {len(others)} more, not drawn, need at most {below}" if others else ""
 
 
 def thinned(series: Sequence[np.ndarray], pieces: int = _PIECES) -> np.ndarray:

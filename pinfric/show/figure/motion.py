@@ -56,13 +56,13 @@ def motion_figure(motion: Motion) -> Figure:
     that stick and slip, then the farthest travelled (a metre as a radian); the others are counted.
     """
     rows = _rows(motion)
-    drawn, left = _chosen(rows)
+    drawn, others = _chosen(rows)
     height = _TALL if len(drawn) <= 4 else _LOW
     names = [row.name for row in rows]
     labels, note = picture_names(names, _LETTERS)
     with style():
         title = f"{Path(motion.scene.source).stem} · {motion.method}"
-        title += f"\n{_what(motion, drawn, left)}{note}"
+        title += f"\n{_what(motion, drawn, others)}{note}"
         figure = sheet(11.0, height * max(len(drawn), 1) + 1.3, title)
         if drawn:
             panels = figure.subplots(len(drawn), 3, sharex=True, squeeze=False)
@@ -170,12 +170,12 @@ def _dress(axes: Axes, motion: Motion, site: int, unit: str) -> None:
         shade(axes, spans, "this joint sticks")
 
 
-def _what(motion: Motion, drawn: Sequence[_Row], left: Sequence[_Row]) -> str:
+def _what(motion: Motion, drawn: Sequence[_Row], others: Sequence[_Row]) -> str:
     text = f"{counted(len(drawn), 'joint')} over {motion.t[-1] - motion.t[0]:.3g} s"
-    if left:
-        still = sum(row.kind == 2 for row in left)
+    if others:
+        still = sum(row.kind == 2 for row in others)
         parts = [f"{still} that never move"] * bool(still)
-        parts += [f"{len(left) - still} that travel less"] * (len(left) > still)
+        parts += [f"{len(others) - still} that travel less"] * (len(others) > still)
         text += f"; not drawn: {' and '.join(parts)}"
     model = motion.scene.model
     many = [n for n, nv in zip(model.names, model.nvs, strict=True) if nv > 1]

@@ -68,9 +68,9 @@ def draw_stop(upper: Axes, lower: Axes, result: StopResult, drive: int) -> None:
     t = 1e3 * (reaction + motion.t)
     end = 1e3 * (stop.time + 0.1 * max(stop.time, 0.01))
     before = np.linspace(0.0, reaction, 21)
-    given = result.search.cycle
-    times = given.trajectory.t[stop.case.sample] + stop.case.speed * (before - reaction)
-    rate = stop.case.speed * np.interp(times, given.trajectory.t, given.rate[:, drive])
+    cycle = result.search.cycle
+    times = cycle.trajectory.t[stop.case.sample] + stop.case.speed * (before - reaction)
+    rate = stop.case.speed * np.interp(times, cycle.trajectory.t, cycle.rate[:, drive])
     upper.plot(1e3 * before, rate, color=BLUE, linestyle=":", linewidth=1.4, label="reaction")
     upper.plot(t, motion.rate[:, drive], color=BLUE, linewidth=1.6, label="the axis")
     lower.plot(t, motion.effort[:, drive], color=BLUE, linewidth=1.6)

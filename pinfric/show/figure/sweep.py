@@ -49,14 +49,14 @@ def sweep_figure(result: SweepResult) -> Figure:
     units = result.units if names == ("peak", "rms") else result.motor_units
     same = f", {units[0]}" if len(set(units)) == 1 else ""
     peaks = np.median(result.figure(names[0])[result.solved], axis=0)
-    drawn, left = largest(peaks.tolist(), units, _MOST)
+    drawn, others = largest(peaks.tolist(), units, _MOST)
     labels, note = picture_names(result.actuator_names, _LETTERS)
     count = len(drawn)
     with style():
         solved = np.count_nonzero(result.solved)
         lost = f" ({result.samples - solved} without a solution)" * bool(solved < result.samples)
         title = f"{Path(result.scene).stem} · {Path(result.trajectory).name} · {result.samples} "
-        figure = sheet(11.0, _ROW * count + _REST, f"{title}samples{lost}{left}{note}")
+        figure = sheet(11.0, _ROW * count + _REST, f"{title}samples{lost}{others}{note}")
         panels = figure.subplots(count, 3, squeeze=False, width_ratios=(1, 1, 0.8))
         strength = result.influences(names[1])
         for i, row in zip(drawn, panels, strict=True):

@@ -61,7 +61,7 @@ def identification_page(identified: Identified) -> str:
         shown = table_of("", laws, cells={"law": partial(_law, law)})
         about = {"name": name, "law": law, "laws": shown, "considered": len(laws)}
         joints.append(about | pictures)
-    more = {f"factors[{one.name}]": partial(_told, one.name) for one in identified.advice}
+    more = {f"factors[{entry.name}]": partial(_told, entry.name) for entry in identified.advice}
     return page(
         "identification",
         identified.scene.joint_names,
@@ -79,7 +79,7 @@ def identification_page(identified: Identified) -> str:
         logs=summary.logs,
         read=table_of("", summary.logs),
         noise=table_of("", log_noise(identified), keys=2),
-        duration=sum(one.duration for one in summary.logs),
+        duration=sum(entry.duration for entry in summary.logs),
         determined=sum(p.determined for p in identified.parameters),
         more=table_of("", more_known(identified, _WORST), cells=more),
     )

@@ -72,8 +72,8 @@ def page(
         inputs=hashes(files),
         joints=joints,
     )
-    made: str = environment.get_template(f"{template}.html.j2").render(**content)
-    return made
+    html: str = environment.get_template(f"{template}.html.j2").render(**content)
+    return html
 
 
 def figure(x: float | None) -> str:

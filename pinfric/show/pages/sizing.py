@@ -231,7 +231,7 @@ def _criteria(criteria: Sequence[Criterion]) -> tuple[Table | None, ...]:
     }
     rows, without = -(-len(criteria) // 3), ("status", "formula", "source")
     parts = (criteria[k : k + rows] for k in range(0, len(criteria), rows))
-    return tuple(table_of("", part, cells=cells, without=without) for part in parts)
+    return tuple(table_of("", group, cells=cells, without=without) for group in parts)
 
 
 #: What is remarked on: criteria or figures, joints, the text.

@@ -102,31 +102,31 @@ def read_mesh(path: Path) -> Any:
 
     with np.errstate(all="ignore"):  # of corners beyond numbers, which are refused below
         scene, unit = read_mesh_scene(path)
-        parts = [
-            part for part in scene.dump() if isinstance(part, trimesh.Trimesh) and len(part.faces)
+        meshes = [
+            mesh for mesh in scene.dump() if isinstance(mesh, trimesh.Trimesh) and len(mesh.faces)
         ]
-        if not parts:
+        if not meshes:
             raise ValueError("no triangles")
-        whole = trimesh.util.concatenate([_colored(part) for part in parts])
+        whole = trimesh.util.concatenate([_colored(mesh) for mesh in meshes])
     return whole.apply_scale(unit)
 
 
-def _colored(part: Any) -> Any:
+def _colored(mesh: Any) -> Any:
     """Colour the part at each vertex; in one colour, merge vertices where it is smooth."""
     import trimesh
 
-    refuse_nowhere(part.vertices)
-    colors = _colors(part)
-    part.visual = trimesh.visual.ColorVisuals(part, vertex_colors=colors)
+    refuse_nowhere(mesh.vertices)
+    colors = _colors(mesh)
+    mesh.visual = trimesh.visual.ColorVisuals(mesh, vertex_colors=colors)
     if not (colors == colors[0]).all():
-        return part
-    part.merge_vertices(merge_tex=True, merge_norm=True)
-    return painted(part, colors[0])
+        return mesh
+    mesh.merge_vertices(merge_tex=True, merge_norm=True)
+    return painted(mesh, colors[0])
 
 
-def _colors(part: Any) -> np.ndarray:
+def _colors(mesh: Any) -> np.ndarray:
     """(n, 4) uint8 from a texture, a material or the vertices; else gray."""
-    visual = part.visual
+    visual = mesh.visual
     try:
         if visual.kind == "texture":
             material = visual.material
@@ -137,7 +137,7 @@ def _colors(part: Any) -> np.ndarray:
             colors = visual.vertex_colors if visual.kind else _GRAY
     except Exception:  # a texture that cannot be read must not cost the shape
         colors = _GRAY
-    return np.broadcast_to(np.asarray(colors, np.uint8), (len(part.vertices), 4))
+    return np.broadcast_to(np.asarray(colors, np.uint8), (len(mesh.vertices), 4))
 
 
 def _geometry(geometry: Any, robot: Robot, loaded: dict[Path, Any]) -> Any:

@@ -65,8 +65,8 @@ def replay_html(scene: Scene, frames: Frames, title: str) -> str:
     viewer = Path(meshcat.__file__).parent / "viewer/dist/main.min.js"
     # The frames as the script takes them: t in double precision, the rest in single
     balls = frames.slip[:, [site.ball for site in scene.sites]]
-    rest = frames.friction_lower, frames.friction_upper, frames.use, frames.force, balls
-    arrays = [np.asarray(frames.t, dtype="<f8"), *(np.asarray(a, dtype="<f4") for a in rest)]
+    tracks = frames.friction_lower, frames.friction_upper, frames.use, frames.force, balls
+    arrays = [np.asarray(frames.t, dtype="<f8"), *(np.asarray(a, dtype="<f4") for a in tracks)]
     return _fill(
         _template("replay.html"),
         version=__version__,

@@ -98,10 +98,10 @@ def replay(
             "pf.inverse_dynamics(scene, trajectory), or of pf.simulate"
         )
     check_same_scene(scene, motion)
-    given = None
+    drive_limits = None
     if limits is not None:
-        scene, motion, given = with_drives(scene, motion, limits)
-    frames = make_frames(scene, motion, rate, log, given)
+        scene, motion, drive_limits = with_drives(scene, motion, limits)
+    frames = make_frames(scene, motion, rate, log, drive_limits)
     page = replay_html(scene, frames, title or Path(scene.source).stem)
     if html is None and open_browser:
         html = Path(tempfile.mkdtemp(prefix="pinfric-")) / "replay.html"

@@ -292,7 +292,7 @@ def _draw_rod(
 def _draw_springs(viewer: Any, scene: Scene, size: float) -> tuple[DrawnCylinder, ...]:
     if (springs := scene.twin().springs) is None:
         return ()
-    every = zip(springs.lines, springs.ends, springs.points, strict=True)
+    entries = zip(springs.lines, springs.ends, springs.points, strict=True)
     return tuple(
         _draw_rod(
             viewer,
@@ -301,7 +301,7 @@ def _draw_springs(viewer: Any, scene: Scene, size: float) -> tuple[DrawnCylinder
             ((int(ends[0]) + 1, places[0]), (int(ends[1]) + 1, places[1])),
             size,
         )
-        for line, ends, places in every
+        for line, ends, places in entries
     )
 
 

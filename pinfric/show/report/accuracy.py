@@ -31,7 +31,7 @@ def accuracy_report(accuracy: Accuracy) -> Report:
         f"{Path(accuracy.scene.source).stem}: simulation",
         accuracy.runs,
         keys=2,
-        sections=frozenset(i for i, (before, now) in pairs if before != now),
+        sections=frozenset(i for i, (before, after) in pairs if before != after),
         cells={name: partial(shown, name) for name in figures},
     )
     failed = [f"{run.method}, {run.setting}: {run.problem}" for run in accuracy.runs if run.problem]

@@ -39,8 +39,8 @@ def bill_of_materials(report: SizingReport) -> str:
         return ""
     joints: dict[str, list[str]] = {}
     entries: dict[str, Sourced | float] = {}
-    every = zip(report.joints, report.standstills, report.verdict.joints, strict=True)
-    for joint, still in ((j, still) for j, still, v in every if v.state == JointState.SIGNED):
+    rows = zip(report.joints, report.standstills, report.verdict.joints, strict=True)
+    for joint, still in ((j, still) for j, still, v in rows if v.state == JointState.SIGNED):
         for name, entry in _parts(report.catalog, report, joint, still):
             joints.setdefault(name, []).append(joint.name)
             entries[name] = entry

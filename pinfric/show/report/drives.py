@@ -107,7 +107,7 @@ def by_text(lines: Iterable[str]) -> dict[str, dict[str, None]]:
 def product_lines(summary: SizingSummary) -> list[str]:
     """Return the catalogue's remarks on the chosen products, a line each."""
     taken = (joint.installed for joint in summary.joints)
-    products = by_text(note for one in taken if one is not None for note in one.notes)
+    products = by_text(note for drive in taken if drive is not None for note in drive.notes)
     retyped = list(products.pop(RETYPED, {}))
     more = f" and {len(retyped) - 1} more" * (len(retyped) > 1)
     lines = [f"{', '.join(names)}: {said}" for said, names in products.items()]

@@ -24,8 +24,8 @@ def identify_report(
         verbose: also the coefficients, and all notes.
         written: see `sizing_report`.
     """
-    logs = ", ".join(one.name for one in summary.logs)
-    duration = sum(one.duration for one in summary.logs)
+    logs = ", ".join(log.name for log in summary.logs)
+    duration = sum(log.duration for log in summary.logs)
     title = f"{Path(identified.scene.source).stem} · {logs}: {digits(duration)} s"
     cells = {"law": lambda joint: identified.law_of(joint.name)}
     laws = table_of(title, summary.joints, cells=cells, without=_PAGE)
@@ -46,9 +46,9 @@ def identify_report(
     )
     others = summary.notes[len(summary.doubts) :]
     if not verbose:
-        rest = f"coefficients with intervals, {counted(len(others), 'note')}: -v"
+        more = f"coefficients with intervals, {counted(len(others), 'note')}: -v"
         out = "" if written else "; scene, page: --out FOLDER"
-        return paragraphs(opening, laws, unseen, [advice, f"{rest}{out}"])
+        return paragraphs(opening, laws, unseen, [advice, f"{more}{out}"])
     lines = [f"delay of the logged efforts: {identified.estimate.delay}", *others, advice]
     return paragraphs(opening, laws, figures, unseen, lines)
 

@@ -60,9 +60,9 @@ def _energy_table(energy: EnergySummary, motors: bool) -> Table:
         ("kinetic and potential", energy.change),
         *((place, loss) for place, loss in losses.items() if place in shown),
     ]
-    if rest := [losses[place] for place in order if place not in shown]:
+    if unshown := [losses[place] for place in order if place not in shown]:
         kind = "further place" if motors else "further joint"
-        rows.append((f"heat at {counted(len(rest), kind)}", sum(rest)))
+        rows.append((f"heat at {counted(len(unshown), kind)}", sum(unshown)))
     rows.append(("unaccounted", energy.residual))
     columns = (Column("", ColumnKind.WORDS), Column("J"))
     return Table("energy", columns, [(place, digits(x)) for place, x in rows])

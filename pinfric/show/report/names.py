@@ -81,9 +81,9 @@ def shortened(names: Sequence[str], room: int) -> list[str]:
     cut = _cut_in_the_middle(names, room)
     if cut is not None:
         return cut
-    one = len(set(names)) == 1
-    front = 0 if one else _common(names)
-    back = 0 if one else _common([name[::-1] for name in names])
+    alike = len(set(names)) == 1
+    front = 0 if alike else _common(names)
+    back = 0 if alike else _common([name[::-1] for name in names])
     return [_cut_around(name, front, back, room) for name in names]
 
 
@@ -131,6 +131,6 @@ def _cut_around(name: str, front: int, back: int, room: int) -> str:
         return name
     middle = (front + len(name) - min(back, len(name) - front)) // 2
     start = min(max(middle - room // 2, 0), len(name) - room)
-    part = name[start : start + room]
-    part = "…" + part[1:] if start > 0 else part
-    return part[:-1] + "…" if start + room < len(name) else part
+    window = name[start : start + room]
+    window = "…" + window[1:] if start > 0 else window
+    return window[:-1] + "…" if start + room < len(name) else window

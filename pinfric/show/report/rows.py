@@ -109,11 +109,11 @@ def shown_fields(rows: Sequence[Any]) -> Iterator[tuple[str, Quantity]]:
         above = field.heading.removesuffix("*").rstrip()
         if field.heading.endswith("*"):
             parts = [part for row in rows if (part := getattr(row, name)) is not None]
-            for inner, one in shown_fields(parts) if parts else ():
-                text = (one.cell or f"{{{inner}}}").replace("{", f"{{{name}.")
-                head = f"{above}\n{one.heading}" if above and one.heading else one.heading
-                unit = one.unit or field.unit
-                yield f"{name}.{inner}", one._replace(cell=text, heading=head, unit=unit)
+            for inner, column in shown_fields(parts) if parts else ():
+                text = (column.cell or f"{{{inner}}}").replace("{", f"{{{name}.")
+                head = f"{above}\n{column.heading}" if above and column.heading else column.heading
+                unit = column.unit or field.unit
+                yield f"{name}.{inner}", column._replace(cell=text, heading=head, unit=unit)
         elif "{}" in field.heading:
             for key in dict.fromkeys(key for row in rows for key in getattr(row, name)):
                 path = f"{name}[{key}]"
@@ -130,8 +130,8 @@ def value_at(row: Any, path: str) -> Any:
     """
     name, _, key = path.partition("[")
     value = row
-    for part in name.split("."):
-        value = None if value is None else getattr(value, part)
+    for step in name.split("."):
+        value = None if value is None else getattr(value, step)
     return value if not key or value is None else value.get(key.removesuffix("]"))
 
 

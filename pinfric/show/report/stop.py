@@ -27,8 +27,8 @@ def stop_report(
     notes = [f"note: {line}" for line in summary.notes]
     if not verbose:
         kinds = counted(len(unchecked), "kind of criteria was", "kinds of criteria were")
-        rest = f"why {kinds} not checked, " if unchecked else ""
-        ending = f"{rest}stops by payload and speed, {counted(len(notes), 'note')}: -v"
+        reasons = f"why {kinds} not checked, " if unchecked else ""
+        ending = f"{reasons}stops by payload and speed, {counted(len(notes), 'note')}: -v"
         ending += "" if written else "; page: --out FOLDER"
         return paragraphs(opening, axes_table(summary, title), [ending])
     return paragraphs(opening, axes_table(summary, title), grid_table(summary), unchecked, notes)
@@ -45,11 +45,11 @@ def verdict(summary: StopSummary) -> str:
     said = f"every stop ends within {digits(summary.time)} s ({at})"
     if summary.path is not None:
         said += f", the tool's path within {1e3 * summary.path:.0f} mm"
-    every = [c for axis in summary.axes for c in axis.criteria]
-    unchecked = sum(c.unchecked for c in every)
+    criteria = [c for axis in summary.axes for c in axis.criteria]
+    unchecked = sum(c.unchecked for c in criteria)
     unmet = counted(len(summary.unmet), "criterion", "criteria")
     met = f"{unmet} not met" if summary.unmet else "no criterion fails"
-    return f"{said}; {met}, {unchecked} of {len(every)} not checked"
+    return f"{said}; {met}, {unchecked} of {len(criteria)} not checked"
 
 
 def not_checked(summary: StopSummary) -> list[str]:

@@ -51,8 +51,8 @@ def sweep_report(result: SweepResult, summary: SweepSummary) -> Report:
         tables.append(table_of(title_of_trials, summary.motors, cells=cells))
     lines = []
     if result.trials:
-        every = percent(result.probability(result.sufficing()), interval=True)
-        lines.append(f"{_motors(result)} in {every} of the samples")
+        share = percent(result.probability(result.sufficing()), interval=True)
+        lines.append(f"{_motors(result)} in {share} of the samples")
         if result.sampling == "random":
             lines.append("in brackets: 95 % confidence interval, for the number of samples only")
     lines += _trial_notes(result)

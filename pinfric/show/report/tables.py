@@ -111,10 +111,10 @@ class Table:
             # a table wider than the console would be cut: a terminal that wraps it loses nothing
             width = sum(widths[c] for c in block) + _GAP * len(block)
             wide = options.update(max_width=max(options.max_width, width))
-            made = RichTable(box=SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0), show_edge=False)
+            grid = RichTable(box=SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0), show_edge=False)
             for c in block:
                 number = self.columns[c].kind is ColumnKind.NUMBER
-                made.add_column(
+                grid.add_column(
                     self.columns[c].heading,
                     justify="right" if number else "left",
                     overflow="fold",
@@ -122,10 +122,10 @@ class Table:
                 )
             for r in range(len(self.rows)):
                 if r in self.sections and r:
-                    made.add_section()
+                    grid.add_section()
                 texts = [Text(cells[c][r]) for c in block]  # no markup: names may hold [brackets]
-                made.add_row(*texts, style="dim" if r in self.faint else None)
-            yield from console.render(made, wide)
+                grid.add_row(*texts, style="dim" if r in self.faint else None)
+            yield from console.render(grid, wide)
 
 
 def paragraphs(*parts: Table | str | Sequence[str] | None) -> Report:

@@ -177,8 +177,8 @@ def site_rates(scene: Scene, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         action = loop_state(scene.twin(), linkage, q, v, np.zeros_like(v)).rate
         for s, site in loops:
             first = linkage.friction_column[site.pair]
-            part = action[:, first : first + (3 if site.ball else 1)]
-            rates[:, s] = part if site.ball else part * site.axis
+            rate = action[:, first : first + (3 if site.ball else 1)]
+            rates[:, s] = rate if site.ball else rate * site.axis
     return np.asarray(rates)
 
 

@@ -61,17 +61,17 @@ def with_drives(
         StateError: a simulated motion; gears of a catalogue with external forces.
         RetimeError: impossible limits.
     """
-    given = read_limits(scene, limits)
-    geared = limited_scene(scene, given)
+    drive_limits = read_limits(scene, limits)
+    geared = limited_scene(scene, drive_limits)
     if isinstance(motion, Motion) or (geared is not scene and motion.external):
         raise StateError(
             "replay: limits are for results of inverse dynamics, not for a "
             "simulation, and not for gears of a catalogue with external forces"
         )
     if geared is not scene:
-        now = motion.states
-        motion = inverse_dynamics(geared, now.q, now.v, now.a, t=now.t, attached=now.attached)
-    return geared, motion, given
+        old = motion.states
+        motion = inverse_dynamics(geared, old.q, old.v, old.a, t=old.t, attached=old.attached)
+    return geared, motion, drive_limits
 
 
 def check_same_scene(scene: Scene, motion: InverseResult | Motion) -> None:
@@ -86,9 +86,9 @@ def check_same_scene(scene: Scene, motion: InverseResult | Motion) -> None:
     other.check_unchanged()
     if other is scene:
         return
-    given = motion.given if isinstance(motion, Motion) else "effort"
-    here, there = scene_digests(scene, given), scene_digests(other, given)
-    differ = [part for part in here if here[part] != there[part]]
+    drive_input = motion.given if isinstance(motion, Motion) else "effort"
+    here, there = scene_digests(scene, drive_input), scene_digests(other, drive_input)
+    differ = [key for key in here if here[key] != there[key]]
     if differ:
         raise StateError(
             f"replay: the motion is of another scene, {other.source}; {scene.source} differs in "

@@ -144,7 +144,7 @@ def limiting_drives(
     for d, name in enumerate(result.actuator_names):
         for k, limit in enumerate(instant_limits()):
             mine = moving & (nearest[:, d] == k)
-            near, over = (_spans(t, mine & (use[:, d, k] > part), half=True) for part in AT_LIMIT)
+            near, over = (_spans(t, mine & (use[:, d, k] > share), half=True) for share in AT_LIMIT)
             if near:
                 limited.setdefault(name, {})[limit.name] = near, over
     return limited
