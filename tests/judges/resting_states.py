@@ -723,7 +723,7 @@ def geared(rng: Rng) -> State:
 
 
 def platform(rng: Rng, delta: bool) -> State:
-    """A delta or a 3-RRS whose balls and pins rub."""
+    """A delta or a 3-RRS with friction in balls and pins."""
     above = float(rng.choice([1.0, 1.2, 1.5]))
     while True:
         bodies = legged(rng, delta)

@@ -1,4 +1,4 @@
-"""Gears as their makers give them in forward dynamics, and screws in cylinders that rub."""
+"""Gears as their makers give them in forward dynamics, and screws in cylinders with friction."""
 
 import numpy as np
 import pytest

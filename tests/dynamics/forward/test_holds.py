@@ -254,7 +254,7 @@ def test_the_unit_of_mass_does_not_matter(pins, strong):
 
 
 def test_a_joint_without_friction_does_not_rest():
-    """The crank rubs, the rest of a chain hangs free: it swings."""
+    """The crank has friction, the rest of a chain hangs free: it swings."""
     model = grounded_model()
     arm = add_link(model, 0, pin.JointModelRZ(), pin.SE3.Identity(), "arm", bar(1.0, 0.3))
     add_link(model, arm, pin.JointModelRZ(), shifted(0.3), "hand", bar(0.5, 0.2))

@@ -1,4 +1,4 @@
-"""Figures are looked at by their parts: bands, shading, panels, thinning, and the file written."""
+"""Figures by their parts: bands, shading, panels, thinning, and the file written."""
 
 import numpy as np
 import pinocchio as pin
@@ -77,7 +77,7 @@ def rounded():
     ids=["phase", "frictionless", "one_sample", "short_sticks", "rounded"],
 )
 def test_what_is_drawn(moving, request):
-    """3 N m hold joint 0 from 4 to 6 s, 2 N m rub elsewhere; a payload from 2.1 to 7 s."""
+    """3 N m hold joint 0 from 4 to 6 s, else friction takes 2 N m; a payload from 2.1 to 7 s."""
     figure = effort_figure(moving(), "motion.csv")
     name = request.node.callspec.id
     assert_printed(__file__, f"efforts_{name}", figure_text(figure))

@@ -26,7 +26,7 @@ def test_what_is_drawn(moved, request):
 
 
 def many(count, still=3):
-    """A chain of `count` joints: the first rubs a little, the last `still` are held."""
+    """A chain of `count` joints: the first has little friction, the last `still` are held."""
     link = pin.JointModelRZ(), pin.Inertia.FromSphere(0.1, 0.02), [0.0, 0.0, 0.1]
     model = chain(*((f"finger_{i}_joint", *link) for i in range(count)))
     held = {f"finger_{i}_joint": dry(9.0, 8.0) for i in range(count - still, count)}
