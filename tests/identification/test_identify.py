@@ -1,29 +1,4 @@
-"""Identification against hidden truth, against a robot's own log, and against bad logs.
-
-What was wrong on recordings as they are, and what holds it now (log_files, log_noise: in
-tests/motions; misfit, uncertainty: beside this file):
-
-case                          before                      now, and the test that holds it
-stamps that wander            neither resampled nor said  interpolated, said: log_files
-                                                            `..._at_wandering_stamps_...`
-rows repeated by a recorder   Panda J1-J4 off by 0.39     0.33 0.21 0.28 0.25 N m: log_files
-                              0.29 0.36 0.28 N m            `..._repeat_a_slower_source_...`
-motion above a spectral gap   93 % off, bound 0.01 N m    2 %, within its bound: log_noise
-peak in a log's end           55.9 for 22.0 N m           ends left out: log_noise `..._ends_of_...`
-efforts 6 to 1000 times       no word, or a vague one     refused: `..._off_by_a_factor_...`
-a gear's own loss             law withheld                gear found: `test_a_gear_is_offered_...`
-driving and driven losses     taken as equal              `test_two_losses_are_weighed_...`
-Stribeck friction             2 of 32 intervals hold      candidate law: misfit `test_stribeck_...`
-friction by angle, offset,    7 to 18 of 30 to 35 hold    named and widened: misfit
-  filter, play                                              `test_a_wrong_model_is_named_...`
-3 kg that nobody named        silent                      named: misfit `..._unknown_payload_...`
-spread between two logs       covers a further log 66 %   95 %: misfit `..._covers_a_further_log`
-a log of 6 s                  refused                     taken: `test_a_log_of_six_seconds_...`
-a log in which nothing slides LinAlgError                 `test_a_hold_beside_a_motion_...`
-an hour at 500 Hz             11.4 GB                     1.4 GB: `..._prepared_in_parts_...`
-headers, spaces, mat, gz, ... refused or misread          log_files
-stick velocity                1e-6                        the noise's: `test_joints_stick_up_to_...`
-"""
+"""Identification against hidden truth, against a robot's own log, and against bad logs."""
 
 from dataclasses import replace
 from pathlib import Path
