@@ -1,6 +1,6 @@
 """Limits of each drive: motor, gear, joint; from numbers, catalogue or URDF.
 
-The rows of the table of limits (`sizing.limits`) that bound every instant of a motion: of a drive
+The rows of the table of limits (`drives.limits`) that bound every instant of a motion: of a drive
 of the catalogue with its own figures, else with those of a motor file or of the URDF. The
 speed-torque line is that of a winding as hot as it may be.
 """

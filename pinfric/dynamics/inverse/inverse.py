@@ -2,8 +2,8 @@
 
     M a + h - J_ext^T f_ext = S u + J_c^T lambda + D phi,     phi_k opposes v_k   (paper eq. 16, 17)
 
-Open chains whose drives sit on their joints are solved in `inverse_tree`; with loops, cylinders or
-forces, reactions depend on friction: `inverse_linkage`.
+Open chains with drives on their joints are solved by `solve_tree`; with loops, cylinders or forces,
+where reactions depend on friction, by `solve_linkage`.
 """
 
 from __future__ import annotations
