@@ -6,8 +6,12 @@ import inspect
 import re
 from typing import Any
 
+from pinfric.drives.catalog import RatedEntry, Sourced
 from pinfric.formats import json_schema
 from pinfric.model.yamlfile import yaml_line
+
+#: Heading -> class whose keys several others inherit: they are listed once.
+_INHERITED = {"Keys of every entry": Sourced, "Keys of motors and gearmotors": RatedEntry}
 
 CODE = re.compile(r"(`[^`\n]+`)")
 _NAME = {
@@ -68,11 +72,13 @@ class FormatPage:
         return {kind: self.defs[ref.rpartition("/")[2]] for kind, ref in named}
 
     def _keys(self, place: str, schema: Any, title: str = "") -> list[str]:
-        shown = title or place
-        heading = f"`{shown}`" if place else "The file"
+        shown, keys = title or place, dict(schema["properties"])
+        heading = place if place in _INHERITED else f"`{shown}`" if place else "The file"
         lines = [f"## {heading}", "", as_markdown(schema["description"]), ""]
+        if place not in _INHERITED and (lists := self._inherited(schema, keys)):
+            lines += [f"Also the {' and the '.join(lists)}.", ""]
         lines += ["| key | what | value |", "|---|---|---|"]
-        for key, value in schema["properties"].items():
+        for key, value in keys.items():
             kind, unit = self._kind(f"{place}.{key}".lstrip("."), value), value.get("unit", "")
             if unit not in ("", "1"):
                 kind += f", {unit}"
@@ -84,6 +90,19 @@ class FormatPage:
             examples = ", ".join(f"`{as_yaml(given)}`" for given in value.get("examples", []))
             lines.append(f"| `{key}` | {as_markdown(meaning)} | {kind}; e.g. {examples} |")
         return [*lines, ""]
+
+    def _inherited(self, schema: Any, keys: dict[str, Any]) -> list[str]:
+        """Take inherited keys out of a list; return links to the lists of those."""
+        links = []
+        for heading, cls in _INHERITED.items():
+            if set(cls.__annotations__) <= keys.keys():
+                own = {key: keys.pop(key) for key in cls.__annotations__}
+                if heading not in self.places:
+                    self.places[heading] = self.name, heading
+                    content = {"description": inspect.getdoc(cls), "properties": own}
+                    self.waiting.append((heading, content | {"required": schema["required"]}))
+                links.append(self._link(heading.lower(), heading, self.places[heading][0]))
+        return links
 
     def _kind(self, place: str, value: Any) -> str:
         """What may stand at a place, in words; mappings that are met first get a list."""
