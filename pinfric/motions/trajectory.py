@@ -362,6 +362,11 @@ def read_trajectory(
                 f"{name}: way-points state their own unit: write `unit: {options.unit}` in the "
                 "file in place of --unit"
             )
+        if options.columns is not None:
+            raise TrajectoryError(
+                f"{name}: --columns says which column of a log is what, and way-points have no "
+                "columns: leave it out, or beside a log write its LOG.columns.yaml"
+            )
         return _from_waypoints(source, scene, columns)
     robot = getattr(scene, "robot", None)  # none of a model made in Python
     said, choose = Remarks(), partial(named_columns, scene, columns)

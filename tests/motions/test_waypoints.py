@@ -115,10 +115,17 @@ def test_degrees_are_of_angles_only():
     assert_allclose(motions[0].velocity, motions[1].velocity, atol=1e-13)
 
 
-def test_a_logs_unit_does_not_apply_to_waypoints(tmp_path):
+@pytest.mark.parametrize(
+    ("option", "words"),
+    [
+        ({"unit": "deg"}, "write `unit: deg` in the file in place of --unit"),
+        ({"columns": "names.yaml"}, "--columns says which column of a log is what, .*: leave it"),
+    ],
+)
+def test_what_is_said_of_a_log_does_not_apply_to_waypoints(option, words, tmp_path):
     path = write(tmp_path, "move.yaml", "pinfric_trajectory: 1\npoints: [{q: [0]}, {q: [1]}]\n")
-    with pytest.raises(TrajectoryError, match="write `unit: deg` in the file in place of --unit"):
-        load_trajectory(path, one_joint_scene(), ReadingOptions(unit="deg"))
+    with pytest.raises(TrajectoryError, match=words):
+        load_trajectory(path, one_joint_scene(), ReadingOptions(**option))
 
 
 def test_points_that_fit_the_limits_only_in_degrees_are_asked_about():
