@@ -51,7 +51,7 @@ _PUBLIC = {
     "identify": "pinfric.identification.identify",
     "Identified": "pinfric.identification.identify",
     "size": "pinfric.sizing.size",
-    "SizingReport": "pinfric.sizing.size",
+    "SizingReport": "pinfric.sizing.report",
     "Duty": "pinfric.drives.duty",
     "load_catalog": "pinfric.drives.catalog_file",
     "check": "pinfric.checking.plausibility",
@@ -121,7 +121,7 @@ if TYPE_CHECKING:  # the same names for type checkers, which do not run __getatt
     from pinfric.show.replay.replay import replay as replay
     from pinfric.show.views import plot as plot
     from pinfric.show.views import summary as summary
-    from pinfric.sizing.size import SizingReport as SizingReport
+    from pinfric.sizing.report import SizingReport as SizingReport
     from pinfric.sizing.size import size as size
     from pinfric.stops.study import StopResult as StopResult
     from pinfric.stops.study import stop as stop

@@ -37,7 +37,7 @@ from pinfric.show.figure.sweep import sweep_figure
 from pinfric.show.motion_summary import drive_work
 from pinfric.show.report.html import html_of
 from pinfric.show.report.rows import flat, table_of
-from pinfric.sizing.size import SizingReport
+from pinfric.sizing.report import SizingReport
 from pinfric.stops.study import StopResult
 from pinfric.sweeps.cycle import DEMANDS
 from pinfric.sweeps.result import SweepResult

@@ -10,7 +10,7 @@ from pinfric.model.scene_text import robot_with_bodies, scene_content
 from pinfric.model.yamlfile import yaml_text
 
 if TYPE_CHECKING:  # a command asks for the names before it imports what takes time
-    from pinfric.sizing.size import SizingReport
+    from pinfric.sizing.report import SizingReport
 
 #: What `size --out` writes where drives are chosen: parts, scene, robot, limits of the motors.
 CHOSEN = "bom.csv", "sized.scene.yaml", "sized.urdf", "motors.yaml"

@@ -4,37 +4,27 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
-from functools import cached_property
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 
-from pinfric.drives.brake import Standstill, standstills
 from pinfric.drives.catalog import Catalog
 from pinfric.drives.catalog_file import load_catalog
-from pinfric.drives.criterion import Criterion
-from pinfric.drives.demand import DriveCycle, JointDemand, driven_joint, joint_demand
-from pinfric.drives.drivetrain import Candidate, MotorCycle, line_voltage, motor_cycle
-from pinfric.drives.duty import Duty, Schedule
+from pinfric.drives.demand import driven_joint, joint_demand
+from pinfric.drives.drivetrain import motor_cycle
+from pinfric.drives.duty import Duty
 from pinfric.drives.limit import JointCase
-from pinfric.drives.limits import SHOCK
-from pinfric.drives.mounting import mounted
 from pinfric.drives.parts import check_names, own_parts
-from pinfric.drives.policy import Conditions, parse_conditions, request
-from pinfric.drives.power import BusPower, bus_power
-from pinfric.drives.rated import RatedCycle
+from pinfric.drives.policy import Conditions, parse_conditions
 from pinfric.drives.robot import carried, equip
 from pinfric.dynamics.inverse.inverse import inverse_dynamics
-from pinfric.dynamics.inverse.result import InverseResult
 from pinfric.dynamics.samples.states import MotionLike
-from pinfric.elastic.motion import Elasticity, elasticity
-from pinfric.errors import PinfricWarning, SizingError, StopError, choose_from
-from pinfric.model.brief import counted, file_name, listed, screen
+from pinfric.errors import PinfricWarning, SizingError, StopError
+from pinfric.model.brief import file_name
 from pinfric.model.scene import Scene, expect_scene
 from pinfric.model.schema import OTHERS
-from pinfric.model.upward import Shown
 from pinfric.motions.rating import Rating, rate
 from pinfric.motions.summary import beyond_limits, effort_unit, rms
 from pinfric.sizing.caveats import caveats, discontinuities, unclosed
@@ -43,7 +33,6 @@ from pinfric.sizing.choice import (
     DriveChoice,
     Task,
     bearing_stops,
-    brakes_of,
     cases,
     contradiction,
     light_enough,
@@ -51,326 +40,14 @@ from pinfric.sizing.choice import (
     search_at,
     task_of,
 )
-from pinfric.sizing.drive_search import Ask, Assessment, DriveSearch
-from pinfric.sizing.elastic_arm import arm_criteria, check_tool, reversal_criteria
-from pinfric.sizing.verdict import Verdict, causes, joint_criteria, verdict_of
+from pinfric.sizing.elastic_arm import check_tool
+from pinfric.sizing.report import JointSizing, SizingReport
 from pinfric.stops.machines import Machines, full_load, stop_settings
 from pinfric.stops.study import StopResult, stops_of
 
 #: How often a choice whose simulated stops overload a gear is made anew, and by which factor more
 #: than its peak the gear must then bear.
 _STOPPED_AGAIN, _STOP_RESERVE = 2, 1.02
-#: Drives that fit, of which a report tells.
-_ENOUGH = 12
-
-
-@dataclass(frozen=True)
-class JointSizing:
-    """One joint's demand and choice.
-
-    Attributes:
-        demand, cycle: with the mass of all chosen drives in the model.
-        demand_without_masses: with the model as the scene has it.
-        load_inertia: largest inertia about the joint over the cycle, kg m^2 (kg); None where
-            closed loops couple the joints.
-        motor: the shaft of the drive taken, sample by sample; None without one.
-        choice: the lightest that fits; None if none fits.
-        nearest: if none fits, a provisional drive (its `would` is not empty), else the candidate
-            with the smallest shortfall, none beyond -1000 %.
-        nothing_because: why there are no candidates, if a catalogue was given; otherwise empty.
-        unloaded: the joint moves no mass, and gets no drive (`model.massless`).
-        search: of the drives that were looked at.
-        decided: with a rating, whose means leave the least of the drive: the cycle's, or its own.
-        alone: with a rating beside a cycle: what each of the two alone would take; None: nothing.
-        mountings: of several mountings, by name, RMS and peak effort; empty: there is one.
-    """
-
-    demand: JointDemand
-    cycle: DriveCycle
-    demand_without_masses: JointDemand
-    load_inertia: float | None
-    motor: MotorCycle | None = None
-    choice: Assessment | None = None
-    nearest: Assessment | None = None
-    nothing_because: str = ""
-    unloaded: bool = False
-    search: DriveSearch | None = field(default=None, repr=False, compare=False)
-    decided: str = ""
-    alone: Mapping[str, Assessment | None] = field(default_factory=dict)
-    mountings: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-
-    @property
-    def name(self) -> str:
-        """The drive's name."""
-        return self.demand.name
-
-    @property
-    def installed(self) -> Assessment | None:
-        """The drive whose mass is in the model: the choice, or the closest candidate."""
-        return self.choice or self.nearest
-
-    @property
-    def decided_by(self) -> str:
-        """Which of cycle and rating alone takes the heavier drive; "" where only one is given."""
-        if len({a and a.name for a in self.alone.values()}) == 1:
-            return "both"
-        mass = {n: np.inf if a is None else a.mass for n, a in self.alone.items()}
-        return max(mass, key=lambda name: mass[name] or 0.0, default="")
-
-    @property
-    def candidates(self) -> int:
-        """Number of drives of the catalogue whose parts go together."""
-        return 0 if self.search is None else self.search.arrays.count
-
-    @cached_property
-    def alternatives(self) -> tuple[Assessment, ...]:
-        """The lightest drives that fit, the choice left out."""
-        fitting = [] if self.search is None or self.choice is None else self.search.fitting(_ENOUGH)
-        mine = self.choice and self.choice.name
-        return tuple(a for a in fitting if a.name != mine)
-
-    @cached_property
-    def next_smaller(self) -> Assessment | None:
-        """The drive lighter than the choice with the smallest shortfall."""
-        if self.search is None or self.choice is None:
-            return None
-        return self.search.nearest(below=self.choice.mass or np.inf)
-
-    @cached_property
-    def ask(self) -> tuple[Ask, ...]:
-        """Products lighter than the choice that might do but cannot be signed."""
-        if self.search is None:
-            return ()
-        mass = None if self.choice is None else self.choice.mass
-        return self.search.ask(np.inf if mass is None else mass)
-
-    @cached_property
-    def assessments(self) -> tuple[Assessment, ...]:
-        """The drives judged in full: those that fit by mass, then margin; others, nearest first.
-
-        Of a small catalogue all; else the lightest that fit, the next smaller or the nearest.
-        """
-        if self.search is None:
-            return ()
-        beside = (self.installed, *self.alternatives, self.next_smaller, *self.search.all_of_few())
-        by_name = {a.name: a for a in reversed(beside) if a is not None}
-        order = {a.name: k for k, a in enumerate((self.choice, *self.alternatives)) if a}
-        return tuple(
-            sorted(
-                by_name.values(),
-                key=lambda a: (
-                    order.get(a.name, len(order)),
-                    bool(a.lacks or a.unknown),
-                    -a.margin,
-                    a.name,
-                ),
-            )
-        )
-
-    @property
-    def no_fit(self) -> str:
-        """State that no drive fits, and the shortfall of the nearest one; otherwise empty."""
-        if self.choice is not None or (self.search is None and not self.nothing_because):
-            return ""
-        if self.search is None or not self.candidates:
-            return f"{self.name}: no candidates: {self.nothing_because}"
-        none = f"{self.name}: none of {counted(self.candidates, 'candidate')} fits"
-        failed = () if self.nearest is None else self.nearest.failed
-        if not np.isnan(self.search.case.stop_effort) and any(c.name == SHOCK for c in failed):
-            none = f"{self.name}: no gear of the catalogue bears the stop"
-        if self.nearest is not None and self.nearest.would:
-            of = counted(self.candidates, "candidate")
-            of += " that its link can hold" * bool(np.isfinite(self.search.parts.most))
-            name, asked = self.nearest.name, request(self.nearest.lacks, self.nearest.kind)
-            return f"{self.name}: none of {of} can be signed; {name} is provisional: {asked}"
-        if self.nearest is not None:
-            name = self.nearest.name
-            return f"{none}; the closest candidate is {name}: {self.nearest.why}"
-        if self.ask:
-            first = self.ask[0]
-            return (
-                f"{none}; {first.name} cannot be signed: {request(first.figures, first.kind)} "
-                f"(its other figures: {first.source})"
-            )
-        closest = self.search.nearest(worst=-np.inf)
-        if closest is None:
-            return "; ".join([none, *(f"{a.name} {a.why}" for a in self.assessments[:1])])
-        why = f"{closest.name}: {closest.failed[0].why}"
-        return f"{none}; all miss by more than a factor of ten: {why}"
-
-
-@dataclass(frozen=True)
-class SizingReport(Shown):
-    """The demand of a cycle on every drive, and the drives chosen for it.
-
-    Attributes:
-        scene: with the chosen drives' masses and transmissions; the given one without a catalogue.
-        given: the scene as it was given.
-        trajectory: source of the motion. files: scene, URDF, cycles and catalogue.
-        catalog, conditions: the catalogue and the conditions; catalog None: demand only.
-        joints: in the order of the scene's drives.
-        result, result_without_masses: inverse dynamics of `scene`, and without the drives' masses.
-        duty: the samples of each cycle of the period, and the number of its runs.
-        passes: over all joints until no choice changed. settled: no choice changed in the last.
-        other_mass: where the scene does not say whether its links hold the drives: mass of the
-            drives that would be chosen if they do, kg; None: it says, or the links are too light
-            for them.
-        contradiction: that links are said to hold drives that outweigh them; these were then added.
-        assumptions: of the sizing, in sentences.
-        unclosed: states that differ between end and start of the cycle; empty if it closes.
-        stops: with the chosen drives and their brakes; None: none, or the scene has no `stops`.
-        no_stops: why the stops that the scene asks for could not be judged; "" where they were.
-        rating: what the robot is rated for, beside a cycle or alone; None: a cycle alone.
-        elsewhere: scenes in which the robot is mounted otherwise, for which the drives are, too.
-        open_stops: of a rating alone, by the drives' columns: what the gears would have to bear in
-            stops, N m or N; no drive was chosen by it. Empty: it was demanded.
-    """
-
-    scene: Scene
-    given: Scene
-    trajectory: str
-    files: tuple[str, ...]
-    catalog: Catalog | None
-    conditions: Conditions
-    joints: tuple[JointSizing, ...]
-    result: InverseResult
-    result_without_masses: InverseResult
-    duty: Schedule
-    passes: int
-    settled: bool
-    other_mass: float | None = None
-    assumptions: tuple[str, ...] = ()
-    unclosed: tuple[str, ...] = ()
-    stops: StopResult | None = None
-    no_stops: str = ""
-    contradiction: str = ""
-    rating: RatedCycle | None = None
-    elsewhere: tuple[str, ...] = ()
-    open_stops: Mapping[int, float] = field(default_factory=dict)
-
-    def __repr__(self) -> str:
-        names = [joint.name for joint in self.joints]
-        peaks = [f"{joint.demand.peak:.3g} {joint.demand.unit}" for joint in self.joints]
-        chosen = [(j.name, j.choice.name) for j in self.joints if j.choice is not None]
-        settled = "settled" if self.settled else "not settled"
-        facts = {"peaks": listed(names, peaks)}
-        if self.catalog is not None:
-            facts |= {
-                "catalog": file_name(self.catalog.source),
-                "drives": listed([n for n, _ in chosen], [f"-> {d}" for _, d in chosen]) or "none",
-                "misses": listed([joint.name for joint in self.joints if joint.no_fit]),
-                "mass": (f"{self.verdict.mass:.3g} kg of drives" if chosen else "no drive fits")
-                + f"; {settled} after "
-                + counted(self.passes, "pass", "passes"),
-            }
-        title = (
-            f"{file_name(self.given.source)} · {file_name(self.trajectory)}: {self.period:.4g} s"
-        )
-        return screen("SizingReport", title, {**facts, "more": ".summary() .plot() .joint(name)"})
-
-    @property
-    def period(self) -> float:
-        """Duration (s) of the repeated period: the cycle, or a duty's cycles and its time off."""
-        t = self.duty.stretched(self.result.times)
-        return float(t[-1] - t[0])
-
-    @property
-    def drives(self) -> tuple[Candidate | None, ...]:
-        """The drives in the model, in the order of `joints`; None where there is none."""
-        taken = (joint.installed for joint in self.joints)
-        return tuple(None if one is None else one.candidate for one in taken)
-
-    @property
-    def drive_mass(self) -> float:
-        """Mass of all drives taken, kg."""
-        return sum(drive.mass or 0.0 for drive in self.drives if drive)
-
-    @cached_property
-    def criteria(self) -> tuple[tuple[Criterion, ...], ...]:
-        """All criteria of each joint: of its drive, brake, reversal error, stop and place."""
-        return joint_criteria(self)
-
-    @cached_property
-    def verdict(self) -> Verdict:
-        """Which joints can be signed, what fails, and where: see `sizing.verdict`."""
-        return verdict_of(self)
-
-    @cached_property
-    def standstills(self) -> tuple[Standstill, ...]:
-        """Holding of each joint without power, and its brake; in the order of `joints`."""
-        catalog = self.catalog or Catalog("no catalogue")
-        drives = () if self.catalog is None else self.drives
-        return standstills(self.result, brakes_of(catalog, self.given), self.conditions, drives)
-
-    @property
-    def notes(self) -> tuple[str, ...]:
-        """Assumptions, and what of the needed brakes is not known."""
-        notes = (drive.brake_note for drive in self.drives if drive)
-        brakes = dict.fromkeys(note for note in notes if ": " in note)
-        text = f"Not printed of brakes: {'; '.join(brakes)}."
-        if self.catalog is None:
-            return self.assumptions
-        how = mounted(self.given, self.conditions.mounting == "any", self.elsewhere)
-        return (*self.assumptions, how, *[text] * bool(brakes))
-
-    @cached_property
-    def elastic(self) -> Elasticity | None:
-        """Effects of the gears' elasticity over the cycle; None if no stiffness is known."""
-        return elasticity(self.result) if self.scene.elastic else None
-
-    @cached_property
-    def arm_criteria(self) -> tuple[Criterion, ...]:
-        """Criteria of the whole robot: lowest frequency, position of the tool at rest."""
-        asked = any(getattr(self.conditions, key) is not None for key in _OF_ROBOT)
-        return arm_criteria(self.scene, self.elastic, self.conditions) if asked else ()
-
-    @cached_property
-    def reversals(self) -> tuple[Criterion, ...]:
-        """Reversal error of each joint, in the order of `joints`; none where not asked for."""
-        if self.conditions.reversal_error is None:
-            return ()
-        backlash = [drive.backlash if drive else None for drive in self.drives]
-        return reversal_criteria(self.scene, self.elastic, self.conditions, backlash)
-
-    @cached_property
-    def bus(self) -> BusPower:
-        """Power of all chosen drives from their bus, and power fed back."""
-        drives = {joint.name: joint.motor for joint in self.joints}
-        voltages = {
-            joint.name: line_voltage(joint.installed.candidate.ratings, joint.motor)
-            for joint in self.joints
-            if joint.installed is not None and joint.motor is not None
-        }
-        return bus_power(drives, self.result.times, self.duty, self.conditions, voltages)
-
-    def check(self) -> None:
-        """Raise if the choice cannot be signed; without a catalogue, if a criterion fails.
-
-        Raises:
-            SizingError: names what fails, where, and by how much; holds the report.
-        """
-        if wrong := self.verdict.failing:
-            raise SizingError("; ".join(causes(self) or wrong), self)
-
-    @property
-    def not_checked(self) -> int:
-        """Number of criteria that lack a figure, of all drives in the model."""
-        return sum(len(joint.installed.not_checked) for joint in self.joints if joint.installed)
-
-    def joint(self, name: str) -> JointSizing:
-        """Return one joint's sizing by name.
-
-        Raises:
-            SizingError: there is none of that name.
-        """
-        joints = {joint.name: joint for joint in self.joints}
-        if name not in joints:
-            raise SizingError(f"there is no drive {name!r}; {choose_from(name, joints)}")
-        return joints[name]
-
-
-#: Conditions of the whole robot.
-_OF_ROBOT = ("lowest_frequency", "tool_sag", "tool_interval", "tool_reversal")
 
 
 def size(

@@ -21,7 +21,7 @@ from pinfric.model.mass_matrix import frame_jacobians
 from pinfric.model.robot import link_frame
 from pinfric.motions.rating import Rated
 from pinfric.sizing.drive_search import Ask, Assessment, stiffness_of
-from pinfric.sizing.size import JointSizing, SizingReport
+from pinfric.sizing.report import JointSizing, SizingReport
 from pinfric.sizing.verdict import JointVerdict, Verdict
 from pinfric.stops.study import StopSummary, stop_summary
 

@@ -49,7 +49,7 @@ from pinfric.show.report.sizing import (
 from pinfric.show.report.stop import axes_table
 from pinfric.show.report.tables import Table
 from pinfric.show.report.values import percentage
-from pinfric.sizing.size import JointSizing, SizingReport
+from pinfric.sizing.report import JointSizing, SizingReport
 from pinfric.sizing.summary import (
     CriterionMargins,
     SizedJoint,

@@ -14,7 +14,7 @@ from pinfric.motions.summary import ends_by_magnitude
 from pinfric.show.figure.efforts import thinned
 from pinfric.show.figure.panel import panel
 from pinfric.show.figure.style import BAND, BLUE, GREEN, INK, ORANGE, QUIET, RED
-from pinfric.sizing.size import JointSizing, SizingReport
+from pinfric.sizing.report import JointSizing, SizingReport
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

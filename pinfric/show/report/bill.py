@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from pinfric.drives.brake import Standstill
 from pinfric.drives.catalog import Catalog, Sourced
 from pinfric.drives.policy import KIT
-from pinfric.sizing.size import JointSizing, SizingReport
+from pinfric.sizing.report import JointSizing, SizingReport
 from pinfric.sizing.verdict import JointState
 
 _COLUMNS = (

@@ -12,7 +12,7 @@ from pinfric.show.report.names import short_names
 from pinfric.show.report.rows import NONE, table_of
 from pinfric.show.report.tables import Table
 from pinfric.show.report.values import digits
-from pinfric.sizing.size import SizingReport
+from pinfric.sizing.report import SizingReport
 from pinfric.sizing.summary import SizedJoint, SizingSummary, Unchecked
 from pinfric.sizing.verdict import JointState
 

@@ -34,7 +34,7 @@ from pinfric.show.report.stop import axes_table, how
 from pinfric.show.report.stop import verdict as said
 from pinfric.show.report.tables import Report, Table, paragraphs
 from pinfric.show.report.values import digits
-from pinfric.sizing.size import SizingReport
+from pinfric.sizing.report import SizingReport
 from pinfric.sizing.summary import SizingSummary, sizing_summary
 
 #: Efforts below (N m, N) are rounding.
