@@ -141,9 +141,10 @@ def task_of(
     catalog: Catalog | None,
     conditions: Conditions,
     progress: Callable[[str], object],
+    arrays: Mapping[bool, CatalogArrays],
     rated: Rated | None = None,
 ) -> Task:
-    """Return what is sized; arguments as of `size`.
+    """Return what is sized; arguments as of `size` and `Task`.
 
     Raises:
         SizingError: neither a cycle nor a rating, or both of kinds that do not go together; no
@@ -202,7 +203,6 @@ def task_of(
             f"{scene.source}: no link that moves has a mass, so there is nothing to size: give "
             "the URDF's links an <inertial>; `pinfric new URDF --mass KG` makes a start"
         )
-    sliding = {effort_unit(scene, i) == "N" for i in range(len(scene.drives))}
     return Task(
         given,
         scene,
@@ -216,10 +216,17 @@ def task_of(
         tuple(map(str, files)),
         unloaded,
         progress,
-        {x: CatalogArrays(catalog, conditions, x, brakes_of(catalog, scene)) for x in sliding}
-        if catalog is not None
-        else {},
+        arrays,
     )
+
+
+def catalog_arrays(
+    catalog: Catalog, conditions: Conditions, scene: Scene
+) -> dict[bool, CatalogArrays]:
+    """Return a catalogue's drives for the joints of a scene, by whether these slide."""
+    brakes = brakes_of(catalog, scene)
+    sliding = {effort_unit(scene, i) == "N" for i in range(len(scene.drives))}
+    return {linear: CatalogArrays(catalog, conditions, linear, brakes) for linear in sliding}
 
 
 @dataclass(frozen=True)

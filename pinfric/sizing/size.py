@@ -34,6 +34,7 @@ from pinfric.sizing.choice import (
     Task,
     bearing_stops,
     cases,
+    catalog_arrays,
     contradiction,
     light_enough,
     overloaded,
@@ -114,13 +115,14 @@ def size(
         own_parts(catalog or Catalog("no catalogue"), wanted, joint, linear)
     tell = progress or (lambda _: None)
     rated = None if rating is None else rate(scene, rating)
-    report = _sized(task_of(scene, trajectory, catalog, wanted, tell, rated))
+    arrays = {} if catalog is None else catalog_arrays(catalog, wanted, scene)
+    report = _sized(task_of(scene, trajectory, catalog, wanted, tell, arrays, rated))
     if rated is not None and trajectory is not None and catalog is not None:
         with warnings.catch_warnings():  # said already of both together
             warnings.simplefilter("ignore", PinfricWarning)
             apart = {
-                "cycle": bearing_stops(task_of(scene, trajectory, catalog, wanted, tell)),
-                "rating": bearing_stops(task_of(scene, None, catalog, wanted, tell, rated)),
+                "cycle": bearing_stops(task_of(scene, trajectory, catalog, wanted, tell, arrays)),
+                "rating": bearing_stops(task_of(scene, None, catalog, wanted, tell, arrays, rated)),
             }
         joints = (
             replace(joint, alone={name: choice.fitting(i) for name, choice in apart.items()})

@@ -607,7 +607,7 @@ def test_a_choice_that_goes_on_changing_is_said(tmp_path, monkeypatch):
 def test_of_drives_that_alternate_the_heavier_one_stays(monkeypatch):
     """Its own mass balances a joint, so that the light one would do; its mass does not."""
     scene, mass = arm(2), {"light": 0.5, "heavy": 1.5, "huge": 3.0}
-    task = task_of(scene, still(scene), Catalog("c"), Conditions(), lambda _: None)
+    task = task_of(scene, still(scene), Catalog("c"), Conditions(), lambda _: None, {})
 
     def search(task, i, masses, demanded):
         none = demanded.banned.get(i, set()) | ({"light"} if masses.get(1, 0.0) < 1.0 else set())
