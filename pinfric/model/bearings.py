@@ -467,7 +467,6 @@ def normal_loads(
     Args:
         wrench: (n, nj, 6), parent on child in the child's joint frame, linear first.
         joint: (ns,) row of each site's joint.
-        contacts: `contacts`.
         displacement: (n, ns), of the child along the axis; read only where `moves`.
         load: (n, ns), overwritten.
     """

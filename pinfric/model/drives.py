@@ -189,8 +189,6 @@ def gear_line(
     slope t + offset: upper(t) forward, lower(t) backward (see the module).
 
     Args:
-        gears: `gear_table`.
-        d: the drive.
         direction: of the joint's motion, 1 or -1.
         speed: of the joint (rad/s or m/s).
         static: True for the torque that is needed to leave rest.
@@ -235,7 +233,6 @@ def held_efforts(gears: Gears, d: int, given: float, found: np.ndarray) -> int:
     it holds small and large efforts and slips between.
 
     Args:
-        gears, d: see `gear_line`.
         given: u = r T_m (N m or N at the joint).
         found: (n, 2), overwritten; n above the number of the gear's lines.
     """
@@ -327,7 +324,6 @@ def write_motor_torques(
     not monotone.
 
     Args:
-        gears: `gear_table`.
         effort_lower ... at_rest: (n, na), see `motor_torque_bounds`.
         lower, upper: (n, na), overwritten; NaN where the efforts are.
     """

@@ -21,12 +21,10 @@ from pinfric.model.schema import Actuator, Friction, Transmission
 
 @dataclass(frozen=True)
 class Effect:
-    """One effect of a scene.
+    """One effect of a scene, by its name in `with_effects`.
 
-    Attributes:
-        name: its name in `with_effects`.
-        on: whether the scene contains it.
-        why: the keys of the scene file that switch it on, or would.
+    `on` says whether the scene contains it, `why` which keys of the scene file switch it on, or
+    would.
     """
 
     name: str
@@ -143,11 +141,7 @@ def _effect(name: str, key: str, where: list[str], absent: str = "") -> Effect:
 def with_effects(
     scene: Scene, *, only: Iterable[str] | None = None, without: Iterable[str] | None = None
 ) -> Scene:
-    """Return the scene with effects switched off, for study.
-
-    Args:
-        only: the effects to keep.
-        without: the effects to leave out.
+    """Return the scene with `only` some effects, or `without` some, for study.
 
     Raises:
         SceneError: an unknown effect, or both `only` and `without`.

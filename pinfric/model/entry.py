@@ -331,7 +331,7 @@ def unlikely(
 
     Args:
         key: path below the entry, e.g. mu.static.
-        value, most, unit: the given value, and the usual maximum.
+        most: the usual maximum.
         hint: the probable mistake; by default a wrong unit.
     """
     if value is not None and value > most:

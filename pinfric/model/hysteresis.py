@@ -25,7 +25,6 @@ class Excess(NamedTuple):
 
     Attributes:
         place: of the stated figure in the scene file.
-        joint: its name.
         friction: at rest without load behind the spring, the mean of both directions (N m or N).
         most: friction that the stated hysteresis allows.
         implied, stated: full width at zero torque, rad (m).

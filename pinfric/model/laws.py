@@ -233,8 +233,6 @@ def law_at(laws: Laws, site: int, velocity: float, slopes: bool = False) -> Law:
     """Return a site's law at a velocity: the sums of its rows, s^power exp(-(s / v)^exponent).
 
     Args:
-        laws: `law_table`.
-        site: row of it.
         velocity: rad/s or m/s; drag acts against it.
         slopes: whether to compute the slopes of drag; else they are 0.
     """
@@ -316,7 +314,6 @@ def friction_bounds(
     Args:
         velocity: (n, ns), child relative to parent (rad/s or m/s).
         load: (n, ns), normal load (N m or N).
-        laws: `law_table`.
         at_rest: (n, ns), True where a velocity crosses zero between samples: the interval at rest
             is then extended to contain the sliding value.
         lower, upper: (n, ns), overwritten: friction of the parent on the child along the joint's

@@ -241,7 +241,6 @@ def embed(
 
     Args:
         q, v, a: (n, nq), (n, nv), (n, nv) of the robot.
-        joints: `Twin.embedding`.
         q_twin, v_twin, a_twin: (n, 7 nj), (n, 6 nj), (n, 6 nj), overwritten: position and
             quaternion (x, y, z, w) of each joint's child side, its twist and its derivative in the
             child's frame, linear first. These joints have no bias acceleration.
@@ -325,7 +324,6 @@ def project(
 
     Args:
         wrench: (n, nj, 6), parent on child, in the child's joint frame, linear first.
-        joints: `Twin.embedding`.
         armature: (nv,) inertia of rotors, reflected to the joints.
         a: (n, nv) rad/s^2, m/s^2.
         effort: (n, nv), overwritten.
