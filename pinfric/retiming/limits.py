@@ -1,7 +1,6 @@
 """Limits of each drive: motor, gear, joint; from numbers, catalogue or URDF.
 
-The rows of the table of limits (`drives.limits`) that bound every instant of a motion: of a drive
-of the catalogue with its own figures, else with those of a motor file or of the URDF. The
+They are the rows of the table of limits (`drives.limits`) that bound every instant of a motion. The
 speed-torque line is that of a winding as hot as it may be.
 """
 
@@ -136,8 +135,7 @@ def read_limits(scene: Scene, limits: LimitsLike) -> tuple[DriveLimits, ...]:
     Args:
         limits: drive name -> `DriveLimits`, a mapping as in `MotorsFile.drives`, a `Candidate` or
             the name of a drive of the bundled catalogue ("motor + gear"); such a file;
-            "default:NAME" for the same drive everywhere; None: effort and velocity
-            as the URDF states them.
+            "default:NAME" for the same drive everywhere; None: effort and velocity of the URDF.
 
     Raises:
         RetimeError: no limits for a drive, or none of its torque; a name that is not there.
@@ -196,7 +194,7 @@ def limited_scene(scene: Scene, limits: Sequence[DriveLimits]) -> Scene:
     """Return the scene with the given drives' gears and, of a catalogue, their masses.
 
     Raises:
-        SizingError: as `robot.equip`.
+        SizingError: as `equip`.
     """
     taken = {i: x.from_catalog for i, x in enumerate(limits) if x.from_catalog is not None}
     if taken:
@@ -211,10 +209,9 @@ def limited_scene(scene: Scene, limits: Sequence[DriveLimits]) -> Scene:
 
 
 def candidate_limits(candidate: Candidate, conditions: Conditions) -> DriveLimits:
-    """Return the limits of a drive of a catalogue, under given conditions.
+    """Return the limits of a drive of a catalogue, at the temperature and voltage of conditions.
 
-    Each row of the table with its reserve, at the ambient temperature and the bus voltage of the
-    conditions. A gearmotor's figures are brought to its motor's shaft.
+    Each row of the table has its reserve; a gearmotor's figures are brought to its motor's shaft.
 
     Raises:
         RetimeError: a figure is missing that the motor's torque needs; it is a stepper.
@@ -257,7 +254,7 @@ def candidate_limits(candidate: Candidate, conditions: Conditions) -> DriveLimit
 def _limits(
     scene: Scene, i: int, where: str, entry: Any, catalog: Catalog | None, conditions: Conditions
 ) -> DriveLimits:
-    """The limits of drive i, of which a message says where they are given."""
+    """The limits of drive i, which stand at `where`."""
     limits, name = None, _name_of(entry)
     if isinstance(entry, dict):
         entry = {key: value for key, value in entry.items() if key != "drive"}
@@ -334,7 +331,7 @@ def _stated(scene: Scene, i: int) -> DriveLimits:
 
 
 def joint_speeds(scene: Scene) -> np.ndarray:
-    """Return (nv,) the greatest speeds of the joints that the URDF states (rad/s or m/s)."""
+    """Return (nv,) the URDF's velocity limits (rad/s or m/s)."""
     return np.array([stated_limit(float(speed)) for speed in scene.model.velocityLimit])
 
 

@@ -1,8 +1,8 @@
 """Paths: positions of the joints without times; pieces between stops, holds and payloads.
 
-A piece is a curve q(s), its parameter s the length of the chords (rad and m alike); at both its
-ends the robot stands still. A way-point passed without a stop lies on a cubic spline, which is not
-a knot at its first and last inner points (de Boor, A Practical Guide to Splines, 2001, chapter IV).
+A piece is a curve q(s) over the length s of its chords (rad and m alike), with the robot at rest at
+both ends. Way-points passed without a stop are joined by a cubic spline with not-a-knot ends (de
+Boor, A Practical Guide to Splines, 2001, chapter IV).
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ class Path:
         holds: (n + 1,) how long the robot stays at each stop, s.
         attached: (n + 1, np) what is carried from each stop on; None: as the scene says.
         source: where it came from, for messages.
-        duration: how long the motion took that it comes from, s; None: it had no times.
+        duration: of the motion that it comes from, s; None: it had no times.
 
     Raises:
         TrajectoryError: pieces that do not meet, a kink inside a piece, a curve that stands still.
@@ -144,8 +144,7 @@ class Path:
         """Pass through points in one piece, a cubic spline over the given parameter.
 
         Args:
-            s: (m,) increasing.
-            q: (m, nj) positions, one number per joint (rad or m).
+            s: (m,) increasing. q: (m, nj) positions, one number per joint (rad or m).
             source: name for messages.
 
         Raises:
@@ -160,7 +159,7 @@ class Path:
 
     @classmethod
     def from_trajectory(cls, trajectory: Trajectory) -> Path:
-        """Take a motion's path, its stops and holds; its times are left behind.
+        """Take a motion's path, its stops and holds, without its times.
 
         It stops where every joint does (up to rounding), or all turn back between two samples.
         Straight pieces stay straight, others are cubic splines through up to 200 of their samples.

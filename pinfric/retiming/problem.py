@@ -29,12 +29,12 @@ from pinfric.retiming.tables import Grid, Tables, carried_names
 class Policy:
     """Accuracy settings of retiming.
 
-    Where a joint stands still, starts or reverses, both ends of its interval of standstill are
-    within the limits, as `inverse_dynamics` reports them.
+    Where a joint stands still, starts or reverses, both ends of its interval of efforts are within
+    the limits, as `inverse_dynamics` reports them.
 
     Attributes:
         sample_rate: Hz, of the samples that are within the limits.
-        tolerance: by which part a limit may be exceeded between grid points.
+        tolerance: part of a limit by which it may be exceeded between grid points.
     """
 
     sample_rate: float = 1000.0
@@ -46,9 +46,7 @@ class PathProblem:
     """A grid with everything that limits the speed along it.
 
     Attributes:
-        scene: an open chain, with the drives' transmissions. path: its pieces.
-        columns: of the joints. limits: (na,) of the drives. policy: see `Policy`.
-        grid, tables: of the path.
+        scene: an open chain, with the drives' transmissions. limits: (na,) of these.
         mode: (n, 2, nv) see `scan.MOVING`. constant: (n,) bool, u is constant in the interval.
         share: (n,) part of the limits that may be used in the interval.
     """
@@ -66,7 +64,7 @@ class PathProblem:
 
     @cached_property
     def _sites(self) -> dict[str, np.ndarray]:
-        """The fields of `Scan` that say which sites rub on which drive."""
+        """The fields of `Scan` that say which sites' friction acts on which drive."""
         sites, nv = self.scene.site_tables, self.scene.model.nv
         order = np.argsort(sites.velocity_index, kind="stable")
         counts = np.bincount(sites.velocity_index, minlength=nv)
@@ -185,11 +183,7 @@ class PathProblem:
         return f"{where}: several drives together cannot follow the path at any speed"
 
     def stalled(self, profile: Profile, interval: int) -> str:
-        """Say that a profile would stop within an interval, where, and which drive does not let it.
-
-        Args:
-            profile: of this problem. interval: one of its `stalls`.
-        """
+        """Say where a profile would stop within an interval (`stalls`), and which drive is why."""
         row = self.grid.start[interval]
         s, piece = float(self.grid.s[row]), int(self.grid.piece[row])
         x, u = profile.x[[interval]], profile.u[interval, :1]
@@ -230,8 +224,7 @@ class PathProblem:
 def modes(grid: Grid, zones: Sequence[tuple[int, int, float, float]]) -> np.ndarray:
     """Return the mode of each drive at both ends of each interval, (n, 2, nv).
 
-    Args:
-        zones: (drive, piece, from s, to s): within them it reverses, and both signs count.
+    `zones`: (drive, piece, from s, to s) in which it reverses, and both signs count.
     """
     direction, rests_ = grid.direction, grid.direction == 0.0
     mode = np.full((*direction.shape[:1], 2, direction.shape[1]), MOVING)
@@ -249,9 +242,7 @@ def modes(grid: Grid, zones: Sequence[tuple[int, int, float, float]]) -> np.ndar
 def usage(result: InverseResult, limits: Sequence[DriveLimits], needed: bool = False) -> np.ndarray:
     """Return the used part of each limit, (T, na, number of `instant_limits`).
 
-    Args:
-        limits: (na,) of the drives.
-        needed: of a drive at rest only the least torque of its interval counts: it can hold.
+    `needed`: of a drive at rest only the least torque of its interval counts: it can hold.
     """
     rows = instant_limits()
     line = np.array(

@@ -5,7 +5,7 @@ In an interval u = d^2s/dt^2 is linear in s, u = u_a + k h: with z = ds/dt
     h(t) = z_a S(t) + u_a C(t),   S = sinh(w t)/w,   C = (cosh(w t) - 1)/w^2,   w^2 = k
     tanh(w T/2) = w step/(z_a + z_b)
 
-(sin, cos and tan where k < 0): a linear differential equation, so samples are exact.
+(sin, cos and tan where k < 0), so samples are exact.
 """
 
 from __future__ import annotations
@@ -34,13 +34,12 @@ class Profile:
     """A speed profile on a grid.
 
     Attributes:
-        grid: its points.
         x: (n + 1,) (ds/dt)^2 at each point. u: (n, 2) d^2s/dt^2 at both ends of each interval.
-        time: (n + 1,) when it passes each point since the start of its piece, s; at a stop the
-            time of the piece that ends there.
+        time: (n + 1,) when it passes each point since the start of its piece, s; at a stop the time
+            of the piece that ends there.
         duration: (pieces,) s.
-        holes: how often, in finding it, a lower limit cut the accelerations at a place in two; 0
-            but for extreme friction: the larger part was kept.
+        holes: how often a lower limit cut the accelerations at a place in two, and the larger part
+            was kept: only with extreme friction.
     """
 
     grid: Grid
@@ -133,7 +132,7 @@ class RetimedSamples:
     Attributes:
         t: (T,) s. q, v, a: (T, nj) positions, velocities, accelerations.
         piece: (T,) the piece on which each sample is, or the one after the stop.
-        moving: (T,) bool, within a piece, its ends left out. s, rate: (T,) place and ds/dt.
+        moving: (T,) bool, inside a piece. s, rate: (T,) place and ds/dt.
     """
 
     t: np.ndarray
@@ -152,8 +151,6 @@ def sample(path: Path, profile: Profile, rate: float, smooth: float = 0.0) -> Re
     At a stop without a hold the acceleration is that of the move that follows.
 
     Args:
-        profile: how fast its pieces are run.
-        rate: Hz.
         smooth: s(t) is a moving mean over this time (s), by which each piece takes longer: jumps of
             the acceleration become ramps, and the path stays.
     """

@@ -1,8 +1,8 @@
 """`pf.retime`: the fastest motion that a robot's real drives can do along a path.
 
-Solve on a coarse grid, then on one whose points are even in time and in place, with every knot and
-every reversal among them; judge the inside of all intervals, and the samples, by
-`inverse_dynamics`, and refine where a limit is exceeded.
+Solve on a coarse grid, then on one that is even in time and in place, with every knot and every
+reversal; judge the inside of all intervals, and the samples, by `inverse_dynamics`, and refine
+where a limit is exceeded.
 """
 
 from __future__ import annotations
@@ -66,7 +66,7 @@ class RetimeResult(Shown):
     Attributes:
         trajectory: its samples, which every command takes.
         duration: s, holds included. moves: (pieces,) of each, s.
-        before: how long the motion took that the path comes from, s; None: it had no times.
+        before: duration of the motion that the path comes from, s; None: it had no times.
         limiting: drive -> limit -> part of the moving time in which more than 99.5 % are used; all
             of it for a continuous torque, which holds back the whole cycle.
         excess: the most by which a sample exceeds any limit, as a part of it (`inverse_dynamics`
@@ -75,8 +75,8 @@ class RetimeResult(Shown):
         problem, profile: the grid with its limits, and the speed on it.
         rms: (na,) part of its continuous torque that each motor uses over the whole cycle; None
             where heat is not judged.
-        uniform: s, how long the motion would take if it were slowed down as a whole until these
-            torques are kept; None as `rms`.
+        uniform: s, duration if the whole motion were slowed down until these torques are kept; None
+            as `rms`.
         smooth: s, of the moving mean; each move takes so much longer by it.
         criteria: drive -> what `size` says of a drive of the catalogue that does this motion.
         notes: what is exceeded or was not judged, in sentences.
@@ -121,8 +121,8 @@ class RetimeResult(Shown):
     def limit_curve(self) -> np.ndarray:
         """Return (n,) the greatest (ds/dt)^2 with any acceleration within all limits.
 
-        At the start of each interval of `profile.grid`; none above 100 times the
-        greatest of the profile is looked for.
+        At the start of each interval of `profile.grid`, up to 100 times the greatest of the
+        profile.
         """
         curve = np.empty(len(self.profile.grid.step))
         most = 100.0 * max(float(self.profile.x.max()), 1e-9)
@@ -153,8 +153,8 @@ def retime(
         heat: keep each motor's continuous torque over the whole cycle, holds included (`thermal`),
             as the motion is repeated; False: it is done once.
         smooth: s; the place along the path becomes a moving mean over this time, so that
-            accelerations ramp; each move takes so much longer, and more where limits are tightened
-            because the smoothed motion would exceed them.
+            accelerations ramp; each move takes so much longer, and more where the smoothed motion
+            would exceed limits.
         points: of the grid, all pieces together; refined where a limit would be exceeded.
         tolerance: part of a limit by which it may be exceeded between grid points.
         sample_rate: of the resulting trajectory, Hz.
@@ -424,8 +424,7 @@ class _Retiming:
     def _zones(self, profile: Profile) -> list[tuple[int, int, float, float]]:
         """Where samples are beside a reversal: within half a sample period of it, and a reserve.
 
-        At a stop that is left at once within a whole one: of the samples beside it the slower
-        counts.
+        At a stop that is left at once within a whole one: the slower of the samples beside counts.
         """
         grid, zones, period = profile.grid, [], 1.0 / self.policy.sample_rate
         for j in range(1, len(grid.step)):

@@ -1,17 +1,15 @@
 """The fastest profile x(s) = (ds/dt)^2 on a grid: one scan back, one forward.
 
 At a place and a speed every limit of a drive bounds u = d^2s/dt^2. In the direction of motion the
-effort is y(u), friction included, and the motor's torque times the ratio F(u) = upper(y) + ...,
-both convex (a line, plus norms of wrenches that are affine in u, through a gear that loses). So
-F <= r T leaves an interval of u, and F >= -r T takes one out. Inside an interval of the grid u is
-linear in s and each end is judged by itself (or constant, judged at both):
+effort y(u), friction included, and the motor's torque times the ratio F(u) = upper(y) + ... are
+convex. So F <= r T leaves an interval of u, and F >= -r T takes one out. Inside an interval of the
+grid u is linear in s, each end judged by itself (or constant, judged at both):
 
     x' - x = step (u_a + u_b),      u_a in [low, high](x),  u_b in [low', high'](x')
 
-Backward: K_i, the greatest x from which K_{i+1} is reached. Forward: the greatest x' <= K_{i+1}.
-The greater of two feasible profiles is feasible, so the pointwise greatest is the fastest (Pham &
-Pham 2018, A new approach to time-optimal path parameterization based on reachability analysis, for
-limits that are linear in (x, u)).
+Backward: K_i, the greatest x from which K_{i+1} is reached. Forward: the greatest x' <= K_{i+1}
+(Pham & Pham 2018, A new approach to time-optimal path parameterization based on reachability
+analysis; `notebooks/theory/retiming`). j is an interval, x (ds/dt)^2 at its start.
 """
 
 from __future__ import annotations
@@ -46,7 +44,7 @@ class Scan(NamedTuple):
         way: (n, nv) sign of each drive's motion in each interval, 0 at rest.
         mode: (n, 2, nv) see `MOVING`.
         constant: (n,) bool, whether u is constant in the interval.
-        share: (n,) part of the torques, efforts and accelerations that may be used in the interval.
+        share: (n,) part of torques, efforts and accelerations that may be used in the interval.
         site_start: (nv + 1,) which entries of the next three are a drive's.
         site, weight, turn: (ns,) site, its speed per speed of the drive, and the sign of that.
         term_start: (ns + 1,) which rows of `gram` are a site's.
@@ -94,13 +92,10 @@ box_scan = record(Scan)
 
 @kernel
 def _prepare(s: Scan, row: int, d: int, direction: float, static: bool, x: float) -> int:
-    """Write y(u) and F(u) of one drive in one direction into the scratch.
+    """Write y(u) and F(u) of one drive in one direction into the scratch; returns how many norms.
 
     y = head[0] + head[1] u + sum sqrt(work . (1, u, u^2)), F = upper(y) + head[2] + head[3] u; what
     follows in head is for `gear_line`: drive, direction, speed, whether it is to leave rest.
-
-    Returns:
-        the number of norms.
     """
     rate, root = s.rate[row, d], np.sqrt(x)
     speed = abs(rate) * root
@@ -135,7 +130,7 @@ def _prepare(s: Scan, row: int, d: int, direction: float, static: bool, x: float
 
 @kernel
 def _value(s: Scan, count: int, motor: bool, u: float) -> tuple[float, float]:
-    """F(u) and its slope; y(u) and its slope where it is not the motor's."""
+    """F(u) and its slope if it is the motor's, else y(u) and its slope."""
     f, slope = s.head[0] + s.head[1] * u, s.head[1]
     for k in range(count):
         b, c = s.work[k, 1], s.work[k, 2]
@@ -156,8 +151,8 @@ def _value(s: Scan, count: int, motor: bool, u: float) -> tuple[float, float]:
 def _root(s: Scan, count: int, motor: bool, u: float, side: float, target: float) -> float:
     """Newton from above a function's level to it, leftwards (side -1) or rightwards.
 
-    Monotone where the function is convex; where a gear's efficiency rises with its load it is not
-    quite, and what Newton overshoots is bisected. NaN where it does not come down on this side.
+    Where a gear's efficiency rises with its load the function is not quite convex, and what Newton
+    overshoots is bisected. NaN where it does not come down on this side.
     """
     outside, inside = u, np.nan
     for _ in range(80):
@@ -250,12 +245,9 @@ def _limited(
 
 @kernel
 def bounds(s: Scan, j: int, side: int, x: float) -> tuple[float, float]:
-    """Return least and greatest u at one end of an interval; least > greatest where there is none.
+    """Return least and greatest u at an interval's start (side 0) or end (1), where it has x.
 
-    Args:
-        s: see `Scan`.
-        j: the interval; side: 0 its start, 1 its end.
-        x: (ds/dt)^2 there.
+    The least one is greater than the greatest where there is none.
     """
     row = s.start[j] if side == 0 else s.end[j]
     low, high, share = -_FAR, _FAR, s.share[j]
@@ -318,7 +310,7 @@ def _reaches(s: Scan, j: int, x: float, a: tuple[float, float], end: float) -> i
 
 @kernel
 def _passes(s: Scan, j: int, what: int, x: float, a: tuple[float, float], value: float) -> bool:
-    """Predicate of `_greatest`."""
+    """Whether a value has the property of `_greatest`."""
     if what == _OPEN:
         least, most = bounds(s, j, 0, value)
         return least <= most
@@ -334,12 +326,8 @@ def _greatest(
 ) -> float:
     """The greatest value <= most with a property, or -1: levels below a guess, then bisection.
 
-    Args:
-        s, j: see `bounds`.
-        what: `_OPEN`: there is any u at the start of the interval; `_PASSABLE`: at its end, beside
-            that in a at its start; `_REACHED`: it is reached from x.
-        x, a: speed and range of u at the start, where they matter.
-        guess: where the search begins; most: no greater one is asked for.
+    Properties: `_OPEN`: there is any u at the start of the interval; `_PASSABLE`: at its end,
+    beside that in a at its start; `_REACHED`: it is reached from x, whose range of u is a.
     """
     for k in range(_LEVELS + 1):
         good, bad = guess * (1.0 - k / _LEVELS), min(guess * (1.0 - (k - 1) / _LEVELS), most)
@@ -356,17 +344,14 @@ def _greatest(
 
 @kernel
 def largest_reachable(s: Scan, j: int, x: float, limit: float) -> float:
-    """Return the greatest x' <= limit that is reached from x over interval j, or -1.
-
-    Args: see `bounds`; limit: greatest x' that is asked for.
-    """
+    """Return the greatest x' <= limit that is reached from x over interval j, or -1."""
     a = bounds(s, j, 0, x)
     if a[0] > a[1]:
         return -1.0
     limit = _greatest(s, j, _PASSABLE, x, a, limit, limit)
-    found = -1 if limit < 0.0 else _reaches(s, j, x, a, limit)
-    if found <= 0:
-        return limit if found == 0 else -1.0
+    verdict = -1 if limit < 0.0 else _reaches(s, j, x, a, limit)
+    if verdict <= 0:
+        return limit if verdict == 0 else -1.0
     step, last, miss = s.step[j], 0.0, 0.0
     guess = min(max(x + 2.0 * step * a[1], 0.0), limit)
     end = guess
@@ -374,12 +359,12 @@ def largest_reachable(s: Scan, j: int, x: float, limit: float) -> float:
         most = _span(s, j, a, bounds(s, j, 1, end))[1]
         if most <= -_FAR:
             break
-        now = x + step * most - end
-        if abs(now) <= 1e-15 * (x + limit) and _reaches(s, j, x, a, end) == 0:
+        excess = x + step * most - end
+        if abs(excess) <= 1e-15 * (x + limit) and _reaches(s, j, x, a, end) == 0:
             return end
-        slope = (now - miss) / (end - last) if k > 0 and end != last else -1.0
-        last, miss = end, now
-        end = min(max(end - now / min(slope, -0.2), 0.0), limit)
+        slope = (excess - miss) / (end - last) if k > 0 and end != last else -1.0
+        last, miss = end, excess
+        end = min(max(end - excess / min(slope, -0.2), 0.0), limit)
         if end == last:
             if end > 0.0 and _reaches(s, j, x, a, end) == 0:  # at 0 it was only cut off
                 return end
@@ -392,7 +377,7 @@ def _goes_on(s: Scan, j: int, x: float, limit: float) -> bool:
     """Whether the interval can be passed from x without nearly stopping in it.
 
     Between far points a speed can be so high that only an emergency stop is left, and a lower one
-    goes on: of two feasible profiles the greater is feasible where points are near.
+    goes on.
     """
     return largest_reachable(s, j, x, limit) >= min(limit, _HARDEST * x)
 
@@ -430,14 +415,14 @@ def largest_controllable(s: Scan, j: int, limit: float) -> float:
         least, most = _span(s, j, bounds(s, j, 0, x), end)
         if least > most:
             break
-        now = limit - step * least - x
-        if abs(now) <= 1e-15 * (x + limit):
+        excess = limit - step * least - x
+        if abs(excess) <= 1e-15 * (x + limit):
             return x
-        if x == top and now >= 0.0 and _goes_on(s, j, x, limit):
+        if x == top and excess >= 0.0 and _goes_on(s, j, x, limit):
             return x
-        slope = (now - miss) / (x - last) if k > 0 and x != last else -1.0
-        last, miss = x, now
-        x = min(max(x - now / min(slope, -0.2), 0.0), top)
+        slope = (excess - miss) / (x - last) if k > 0 and x != last else -1.0
+        last, miss = x, excess
+        x = min(max(x - excess / min(slope, -0.2), 0.0), top)
         guess = max(x, guess)
         if x == last:
             if x > 0.0 and _goes_on(s, j, x, limit):  # at 0 it was only cut off
@@ -450,15 +435,11 @@ def largest_controllable(s: Scan, j: int, limit: float) -> float:
 
 @kernel
 def fastest(s: Scan, x: np.ndarray, u: np.ndarray) -> int:
-    """Write the fastest profile; see the module's text.
+    """Write the fastest profile; -1, or the interval that cannot be passed.
 
     Args:
-        s: see `Scan`.
-        x: (n + 1,) (ds/dt)^2 at each point, overwritten.
-        u: (n, 2) d^2s/dt^2 at both ends of each interval, overwritten.
-
-    Returns:
-        -1; or the interval that cannot be passed.
+        x, u: overwritten: (n + 1,) (ds/dt)^2 at each point, (n, 2) d^2s/dt^2 at both ends of each
+            interval.
     """
     n = s.step.size
     most = np.zeros(n + 1)
@@ -494,10 +475,7 @@ def fastest(s: Scan, x: np.ndarray, u: np.ndarray) -> int:
 def _back(s: Scan, end: int, most: np.ndarray) -> int:
     """Write the greatest x at each point before `end`, to the stop before it; -1 or where none is.
 
-    Args:
-        s: see `Scan`.
-        end: a point; of the last one, all stops are passed.
-        most: (n + 1,) overwritten.
+    Before the last point, all stops are passed.
     """
     for j in range(end - 1, -1, -1):
         if s.stop[j]:
@@ -513,13 +491,7 @@ def _back(s: Scan, end: int, most: np.ndarray) -> int:
 
 @kernel
 def ranges(s: Scan, x: np.ndarray, low: np.ndarray, high: np.ndarray) -> None:
-    """Write `bounds` at both ends of every interval of a profile.
-
-    Args:
-        s: see `Scan`.
-        x: (n, 2) (ds/dt)^2 at both ends.
-        low, high: (n, 2), overwritten.
-    """
+    """Write `bounds` low and high (n, 2) at both ends of every interval, by x (n, 2) there."""
     for j in range(x.shape[0]):
         for side in range(2):
             low[j, side], high[j, side] = bounds(s, j, side, x[j, side])
@@ -527,14 +499,9 @@ def ranges(s: Scan, x: np.ndarray, low: np.ndarray, high: np.ndarray) -> None:
 
 @kernel
 def torques(s: Scan, x: np.ndarray, u: np.ndarray, torque: np.ndarray) -> None:
-    """Write the motors' torques, in the direction of motion, at both ends of every interval.
+    """Write the motors' torques in the direction of motion, (n, 2, nv) N m, by x and u (n, 2).
 
     Of a drive at rest the greater end of its interval of standstill.
-
-    Args:
-        s: see `Scan`.
-        x, u: (n, 2) at both ends of each interval.
-        torque: (n, 2, nv) N m, overwritten.
     """
     for j in range(x.shape[0]):
         for side in range(2):
@@ -553,13 +520,7 @@ def torques(s: Scan, x: np.ndarray, u: np.ndarray, torque: np.ndarray) -> None:
 
 @kernel
 def limit_curve(s: Scan, most: float, x: np.ndarray) -> None:
-    """Write the greatest (ds/dt)^2 at which there is any u: (n,), at the start of each interval.
-
-    Args:
-        s: see `Scan`.
-        most: no greater one is looked for.
-        x: overwritten.
-    """
+    """Write the greatest (ds/dt)^2 <= most with any u, at the start of each interval."""
     for j in range(x.size):
         top = min(s.top[s.start[j]], most)
         x[j] = _greatest(s, j, _OPEN, 0.0, (-_FAR, _FAR), top, top)

@@ -1,13 +1,10 @@
-"""Demand of a path on each drive, as functions of speed and acceleration along it.
+"""Demand of a path on each drive, as functions of x = (ds/dt)^2 and u = d^2s/dt^2 along it.
 
-With x = (ds/dt)^2 and u = d^2s/dt^2 the joints have v = q' sqrt(x), a = q' u + q'' x, so that all
-wrenches are affine in (x, u), w = w_g + w_b x + w_a u, from three batches of inverse dynamics:
-
+    v = q' sqrt(x),    a = q' u + q'' x,    wrenches  w = w_g + w_b x + w_a u
     w_g = RNEA(q, 0, 0),    w_a = RNEA(q, 0, q') - w_g,    w_b = RNEA(q, q', q'') - w_g
 
-(Bobrow, Dubowsky & Gibson 1985, with the reactions on the wrench twin), and each norm of a
-bearing's load is the root of a quadratic in (x, u). Nothing here depends on drives, coefficients of
-friction or limits.
+(Bobrow, Dubowsky & Gibson 1985, with the reactions on the wrench twin). So each norm of a bearing's
+load is the root of a quadratic in (x, u).
 """
 
 from __future__ import annotations
@@ -39,9 +36,8 @@ class Grid:
     A row is a place with its derivatives; where q'' jumps, and at stops, a point has two.
 
     Attributes:
-        s: (m,) parameter of each row, within its piece.
-        piece: (m,) its piece.
-        q: (m, nj) positions. rate, curvature: (m, nv) q' and q''.
+        s, piece: (m,) place of each row. q: (m, nj) positions.
+        rate, curvature: (m, nv) q' and q''.
         start, end: (n,) rows of the ends of each interval.
         stop: (n + 1,) bool, whether the robot stands still at each point.
         direction: (n, na) sign of each drive's rate in each interval.
@@ -82,10 +78,9 @@ def rates_of(scene: Scene, columns: tuple[JointColumn, ...]) -> np.ndarray:
 
 
 def natural_points(piece: PPoly, drives: np.ndarray) -> np.ndarray:
-    """Return the knots of a piece and the places where a joint or a drive reverses: of every grid.
+    """Return the points of every grid: knots of a piece, and where a joint or a drive reverses.
 
-    Args:
-        drives: (na, nj) `rates_of`.
+    `drives`: (na, nj) `rates_of`.
     """
     rates = np.unique(np.concatenate([np.eye(drives.shape[1]), drives]), axis=0)
     places = [np.asarray(piece.x), reversals(PPoly(piece.c @ rates.T, piece.x))]
@@ -93,7 +88,7 @@ def natural_points(piece: PPoly, drives: np.ndarray) -> np.ndarray:
 
 
 def distinct(s: np.ndarray, piece: PPoly, kept: np.ndarray) -> np.ndarray:
-    """Return places of a piece in order, none beside another; those in `kept` stay."""
+    """Return places of a piece in order, no two at one point; those in `kept` stay."""
     order = np.unique(np.concatenate((s, kept)))
     near = np.diff(order) <= _SAME_POINT * (piece.x[-1] - piece.x[0])
     fixed = np.isin(order, kept)
@@ -109,9 +104,7 @@ def make_grid(
     """Return the rows at the given points of each piece, its two ends among them.
 
     Args:
-        scene: with a drive for every velocity.
-        columns: (nj,) of the joints.
-        points: for each piece increasing places s.
+        scene: with a drive for every velocity. points: for each piece increasing places s.
     """
     velocity, drives = [column.index_v for column in columns], rates_of(scene, columns)
     rows, start, end, stop, direction, count = [], [], [], [], [], 0
@@ -153,11 +146,7 @@ def carried_names(scene: Scene, path: Path, piece: int) -> tuple[str, ...] | Non
 
 
 def make_tables(scene: Scene, path: Path, columns: tuple[JointColumn, ...], grid: Grid) -> Tables:
-    """Return efforts and loads along a grid (the module's equations).
-
-    Args:
-        scene: an open chain; path, columns, grid: see `make_grid`.
-    """
+    """Return efforts and loads along a grid (the module's equations)."""
     q, contacts = configurations(columns, grid.q, scene.model.nq), scene.site_tables.contacts
     m, nt = len(q), len(contacts.site)
     tables = Tables(np.empty((m, scene.model.nv, 3)), np.empty((m, nt, 6)))

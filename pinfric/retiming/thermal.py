@@ -3,10 +3,9 @@
     min T   with   E_j = int T_j^2 dt + holds <= c_j^2 (T + holds),   low(x) <= u <= high(x)
 
 over the squares x of the speeds at the grid's points, u constant in each interval: a primal barrier
-method (Boyd & Vandenberghe, Convex Optimization, 2004, section 11.3). Without viscous friction and
-Stribeck curves T and E are convex in x (Verscheure et al. 2009, Time-optimal path tracking for
-robots: a convex optimization approach). An interval's terms depend on the speeds at its two ends,
-so the Hessian is tridiagonal plus one column for each motor: a step costs O(n).
+method (Boyd & Vandenberghe, Convex Optimization, 2004, section 11.3). T and E are convex in x but
+for viscous friction and Stribeck curves (Verscheure et al. 2009, Time-optimal path tracking for
+robots: a convex optimization approach). The Hessian is tridiagonal plus one column for each motor.
 """
 
 from __future__ import annotations
@@ -51,11 +50,9 @@ class HeatBudget:
 def within_continuous(
     problem: PathProblem, fast: Profile, cycle: HeatBudget
 ) -> tuple[Profile, float]:
-    """Return the fastest profile within the continuous torques, and the uniform one's duration.
+    """Return the fastest profile within the continuous torques, and the uniform one's duration, s.
 
-    Args:
-        problem: the grid with its other limits.
-        fast: the fastest profile without this limit, returned where it is within it.
+    `fast`: the fastest profile without this limit, returned where it is within it.
 
     Raises:
         RetimeError: a motor exceeds it however slow the motion is.
@@ -120,7 +117,7 @@ class _Barrier:
         return 1.0 - (energy / allowed)[self.judged]
 
     def uniform(self, fast: Profile) -> float:
-        """The greatest factor by which the whole profile may be slowed down to be within."""
+        """The greatest speed factor with which the whole profile is within."""
 
         def left(factor: float) -> float:
             return float(self.slack(fast.x * factor**2).min())
@@ -229,7 +226,7 @@ class _Barrier:
         return first, second
 
     def _heat(self, x: np.ndarray, weight: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """The same of the duration, and of what is left of the mean squares: a column per motor."""
+        """The same of the duration, and of the slack of the mean squares: a column per motor."""
         time, first, second = self.durations(x)
         T, slope = self.torques(x), self._torque_slopes(x)
         square = _mean_square(T)
