@@ -1,8 +1,8 @@
 """Masses of a robot whose URDF has none, estimated from what the whole robot weighs.
 
-Nine arms of example-robot-data whose masses are known (Panda, UR3, UR5, UR10, Z1, xArm7, Kinova,
-SO-100, SO-101) need 0.73 to 1.81 times their own torque in the worst posture by hulls, 0.56 to 1.25
-times by lengths; the rms factor is 1.3 in both. The mass of legs and torsos is not shared so.
+Of nine arms whose masses are known (Panda, UR3, UR5, UR10, Z1, xArm7, Kinova, SO-100, SO-101),
+torques in the worst posture come out 0.73 to 1.81 times as large by hulls, 0.56 to 1.25 times by
+lengths; the rms factor is 1.3 in both. Legs and torsos do not share mass like this.
 """
 
 from __future__ import annotations
@@ -24,12 +24,9 @@ _STUB = 0.05
 def estimated_masses(facts: RobotFacts, mass: float) -> tuple[dict[str, pin.Inertia], str]:
     """Return link -> its part of a robot's mass (kg), and by what it is shared.
 
-    By the convex hulls of the shapes, com in the middle of their box, inertia that of the box.
-    Where shapes are missing or hold no such mass, by the length to the next joint: mass per length
-    falls linearly to nothing at the tip, m_i = (2 m/L) int (1 - s/L) ds.
-
-    Args:
-        facts: the URDF, measured. mass: of all its links, kg.
+    By the convex hulls of the shapes, with com and inertia of their box. Where shapes are missing
+    or hold no such mass, by the length to the next joint: mass per length falls linearly to nothing
+    at the tip, m_i = (2 m/L) int (1 - s/L) ds.
 
     Raises:
         RobotError: links have masses; several arms or legs; nothing has a size.
@@ -59,7 +56,7 @@ def estimated_masses(facts: RobotFacts, mass: float) -> tuple[dict[str, pin.Iner
 
 
 def _limbs(facts: RobotFacts, link: str) -> list[int]:
-    """How many joints each branch that leaves a body has; refuses several limbs on one body."""
+    """Number of joints of each branch that leaves a body; refuses several limbs on one body."""
     counts: list[int] = []
     for joint in facts.document.joints:
         if joint.parent == link:

@@ -112,10 +112,7 @@ class CheckReport(Shown):
         return sum(finding.severity == severity for finding in self.findings)
 
     def check(self, strict: bool = False) -> None:
-        """Raise if there are errors.
-
-        Args:
-            strict: warnings count, too.
+        """Raise if there are errors, or with `strict` warnings.
 
         Raises:
             PinfricError: says how many there are, and the first.

@@ -41,18 +41,15 @@ _OF_CHAIN = 0.15
 
 @dataclass(frozen=True)
 class JointLoad:
-    """Load of a joint according to the URDF.
+    """Load of a joint according to the URDF, N m or N.
 
     Attributes:
-        name: the joint's.
-        sliding: True for a prismatic joint.
         degrees: 1, or more for a planar or floating joint.
         leader: of a mimic follower; None for others.
         lower, upper: rad or m, infinite without limits.
-        load: what it must stand (N m or N).
-        why: where that is taken from.
-        limit: its effort limit (N m or N); 0 without one.
-        held: what its own weight needs in the worst posture (N m or N); 0 where that is not asked.
+        load, why: what it must stand, and where that is taken from.
+        limit: its effort limit; 0 without one.
+        held: what its own weight needs in the worst posture; 0 where that is not asked.
         remark: why its effort limit is a placeholder, or "".
         least, why_least: the lesser of `load` and of the weight's: no placeholder can raise it.
         fastest: its velocity limit, rad/s or m/s; 0 without a believable one.
@@ -79,12 +76,10 @@ def joint_loads(model: pin.Model, held_out: float | None) -> list[JointLoad]:
 
     Without a limit, or with a placeholder, a turning joint stands at least 0.15 of what the
     strongest one before it in its chain does: an axis through the centre of mass carries no weight,
-    and turns a payload all the same. A chain ends where a link carries several.
+    but turns a payload. A chain ends where a link carries several.
 
     Args:
-        model: the URDF's.
-        held_out: torque (N m) that holds the whole robot out level (`held_out_level`); None where
-            its masses are not to be believed: limits are then not judged by them.
+        held_out: `held_out_level`, N m; None: masses are not believed, and judge no limits.
     """
     twin, data = make_twin(model), model.createData()
     pin.forwardKinematics(model, data, pin.neutral(model))
@@ -140,10 +135,8 @@ def joint_loads(model: pin.Model, held_out: float | None) -> list[JointLoad]:
 def held_out_level(mass: float, way: float, model: pin.Model) -> float:
     """Return the torque (N m) that holds a whole robot out level: m g L.
 
-    Args:
-        mass: of the robot, kg. way: along its joints, m (`RobotFacts.way`); where it is 0, the
-            farthest centre of mass from the joint that moves it counts.
-        model: the URDF's.
+    L is the way along the joints, m (`RobotFacts.way`); where it is 0, the distance of the farthest
+    centre of mass from its joint.
     """
     far = max((float(np.linalg.norm(body.lever)) for body in list(model.inertias)[1:]), default=0.0)
     return _GRAVITY * mass * (way or far)
@@ -152,13 +145,11 @@ def held_out_level(mass: float, way: float, model: pin.Model) -> float:
 def limit_remarks(
     model: pin.Model, held_out: float | None
 ) -> tuple[dict[int, str], dict[int, float]]:
-    """Return what is wrong with the limits of turning joints, and what their own weight needs.
+    """Return joint -> why its limit is a placeholder, and -> N m against its own weight.
 
-    A limit is a placeholder beyond 3 m g L of the whole robot, or where limit times velocity limit
-    is beyond 100 W for each kg of it, or where five joints or more have one limit beyond m g L.
-
-    Returns:
-        joint -> why its limit is a placeholder; joint -> N m in the worst of the postures tried.
+    A limit of a turning joint is a placeholder beyond 3 m g L of the whole robot, where limit times
+    velocity limit is beyond 100 W/kg of it, or where five joints or more have one limit beyond m g
+    L.
     """
     turning = _turning(model)
     remarks: dict[int, str] = {}
@@ -190,18 +181,17 @@ def limit_remarks(
 
 
 def one_limit(limits: Sequence[float], own: Sequence[float], held_out: float) -> bool:
-    """Return whether one limit stands at five joints or more whose own loads differ 20 times.
+    """Return whether five joints or more have one limit, and own loads that differ 20 times.
 
     Args:
-        limits: of the turning joints that have one, N m.
-        own: what their own weight needs, N m, in the same order.
+        limits, own: of the turning joints that have a limit, N m; what their own weight needs.
     """
     alike = len(limits) >= _ALIKE and len(set(limits)) == 1 and limits[0] > _ALIKE_OVER * held_out
     return alike and max(own) > _LOADS_APART * min(own)
 
 
 def _turning(model: pin.Model) -> dict[int, tuple[float, float]]:
-    """The turning joints with an effort limit: it, N m, and the velocity limit, rad/s."""
+    """The turning joints with an effort limit -> it, N m, and the velocity limit, rad/s."""
     return {
         j: (limit, float(model.velocityLimit[kind.idx_v]))
         for j, kind in enumerate(model.joints)
@@ -232,7 +222,7 @@ def _own_weight(model: pin.Model, joints: Iterable[int]) -> dict[int, float]:
 
 
 def in_kgf_cm(model: pin.Model, held_out: float | None) -> str:
-    """Return the turning joints' limits in N m if they are in kgf cm and then plausible, or ""."""
+    """Return the turning joints' limits in N m if they are plausible only in kgf cm, or ""."""
     smaller = pin.Model(model)
     smaller.effortLimit = _KGF_CM * np.asarray(model.effortLimit)
     remarks, own = limit_remarks(smaller, held_out)

@@ -28,11 +28,7 @@ _MOVING = ("revolute", "continuous", "prismatic", "planar")
 
 
 def joint_findings(facts: RobotFacts, robot: Robot | None) -> Iterator[Finding]:
-    """Yield findings joint by joint, then those on the URDF's drives and friction.
-
-    Args:
-        robot: the URDF, loaded; None where it does not load.
-    """
+    """Yield findings joint by joint, then those on the URDF's drives and friction, if it loads."""
     for joint in facts.document.joints:
         yield from _placement(joint, facts)
         if joint.type in _MOVING:

@@ -33,10 +33,9 @@ class Extent:
 
     Attributes:
         low, high: (3,) its corners, m, in the link's frame and along its axes.
-        hull: of the shapes' convex hull (of its visuals or its collision shapes, whichever is
-            larger), m^3.
-        solid: what its visuals, or else its collision shapes, hold if all are closed meshes, m^3;
-            0 otherwise.
+        hull: volume of the convex hull of its visuals or collision shapes, the larger one, m^3.
+        solid: volume in its visuals, or else its collision shapes, if all are closed meshes, m^3; 0
+            otherwise.
     """
 
     low: np.ndarray
@@ -68,8 +67,7 @@ def link_extents(
 ) -> tuple[dict[str, Extent], dict[str, str]]:
     """Return link -> its extent where it has shapes, and mesh -> why it cannot be read.
 
-    Args:
-        folders: where `package://` names may begin.
+    `folders`: where `package://` names may begin.
     """
     extents: dict[str, Extent] = {}
     unread: dict[str, str] = {}

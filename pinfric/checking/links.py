@@ -84,8 +84,7 @@ def _whole_robot(facts: RobotFacts) -> Iterator[Finding]:
 def outweighing(masses: Mapping[str, float]) -> Iterator[Finding]:
     """Yield the one body beside which all others count nothing, if there is one.
 
-    Args:
-        masses: of what moves, by what they are called (kg).
+    `masses`: name -> kg of what moves.
     """
     *others, (name, mass) = sorted(masses.items(), key=lambda item: item[1]) or [("", 0.0)]
     others_mass = sum(other for _, other in others)
@@ -159,7 +158,7 @@ def _com(link: LinkFacts) -> Finding | None:
 
 
 def _inertia_unit(facts: RobotFacts) -> Unit:
-    """The likeliest unit in which nearly as many of those far too large are usual as in any."""
+    """The likeliest unit that makes about the most of the far too large inertias usual."""
     ratios = [
         radius / link.extent.diagonal
         for link in facts.links
@@ -172,7 +171,7 @@ def _inertia_unit(facts: RobotFacts) -> Unit:
 
 
 def _is_usual(ratio: float, unit: Unit) -> bool:
-    """Whether a radius of gyration over a diagonal is as usual if the inertia is in a unit."""
+    """Whether a radius of gyration over a diagonal is usual if the inertia is in a unit."""
     return _USUAL[0] < ratio * math.sqrt(unit.size) < _USUAL[1]
 
 
@@ -248,5 +247,5 @@ def _density(link: LinkFacts) -> Finding | None:
 
 
 def _box_density(link: LinkFacts) -> float:
-    """Mass over the volume of the box around the shapes (kg/m^3): less than the material's."""
+    """Mass over the volume of the shapes' box (kg/m^3): less than the material's."""
     return float(link.mass / np.prod(np.maximum(link.extent.size, 1e-3)))

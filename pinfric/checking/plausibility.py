@@ -59,10 +59,7 @@ def check(source: str | Path, xacro_args: Mapping[str, str] | None = None) -> Ch
 def check_urdf(
     urdf: Path, source: str = "", xacro_args: Mapping[str, str] | None = None
 ) -> CheckReport:
-    """Return everything implausible about a URDF.
-
-    Args:
-        source: what to call it; by default its path.
+    """Return everything implausible about a URDF, called `source` or by its path.
 
     Raises:
         RobotError: it cannot be read at all.

@@ -41,11 +41,8 @@ class LinkFacts:
     """One link that moves.
 
     Attributes:
-        name: the link's.
-        mass: kg.
-        inertia: (3, 3) kg m^2 about the centre of mass.
-        com: (3,) m, in the link's frame.
-        com_given: False where the URDF has no <origin> and it is the link's origin.
+        mass: kg. inertia: (3, 3) kg m^2 about the centre of mass.
+        com: (3,) m, in the link's frame. com_given: whether the URDF says it; else it is 0.
         extent: the box of its shapes; without shapes a cube of `BEYOND` times the robot's reach.
         has_shapes: whether `extent` is that of shapes.
         mass_share, inertia_share: its part of the links it is fixed to; 1 where it is alone.
@@ -67,9 +64,7 @@ class RobotFacts:
     """A URDF, read and measured.
 
     Attributes:
-        urdf: the file.
-        root: its XML.
-        document: the same as yourdfpy reads it (`read_document`).
+        root, document: its XML, and the same as yourdfpy reads it (`read_document`).
         nameless: the file gives the robot no name.
         lost: joint -> the leader that is not there.
         missing, unread: meshes that are not there; those that cannot be read -> why.
@@ -92,9 +87,6 @@ class RobotFacts:
     @classmethod
     def of(cls, urdf: Path, xacro_args: Mapping[str, str] | None = None) -> RobotFacts:
         """Read a URDF and its meshes; what loading warns of is among the facts.
-
-        Args:
-            urdf: the file. xacro_args: see `read_xml`.
 
         Raises:
             RobotError: see `read_document`.
@@ -137,10 +129,7 @@ class RobotFacts:
 
     @cached_property
     def way(self) -> float:
-        """The longest way along the joints' origins, m, after the first joint that moves.
-
-        Pedestals do not count.
-        """
+        """The longest way along the joints' origins, m, after the first joint that moves."""
         return self._longest(from_root=False)
 
     def _longest(self, from_root: bool) -> float:

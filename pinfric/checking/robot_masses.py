@@ -1,8 +1,8 @@
 """Implausible masses of a robot as a whole: one finding for all links, with the unit it explains.
 
-The thresholds are those of 484 public URDFs and the printed masses of about 100 robots: no rule
-below speaks of a robot whose masses are its maker's, but for hands and legs that are stated there.
-What every command asks of a robot's mass is in `model.total_mass`; the rules here need its file.
+Thresholds are those of 484 public URDFs and the printed masses of about 100 robots: but for hands
+and legs no rule speaks of a robot with its maker's masses. These rules need the file; what every
+command asks of a robot's mass is in `model.total_mass`.
 """
 
 from __future__ import annotations

@@ -51,9 +51,7 @@ def scene_findings(
 ) -> Iterator[Finding]:
     """Yield findings on a scene without its robot.
 
-    Args:
-        facts: its URDF, measured; None for a robot made in Python.
-        said: what loading warned of.
+    `facts`: its URDF, if it has one. `said`: what loading warned of.
     """
     findings: list[Finding] = []
     for site in scene.sites:
@@ -156,7 +154,7 @@ def _limits_of(site: Site, scene: Scene) -> tuple[float, float]:
 def load_findings(scene: Scene) -> Iterator[Finding]:
     """Yield what makes efforts wrong by a multiple: payloads, bodies far too heavy or without mass.
 
-    Quick: it reads no mesh, so that every computation can begin with it.
+    It reads no mesh and is quick: every computation can begin with it.
     """
     yield from payload_findings(scene)
     model = scene.model
