@@ -70,7 +70,7 @@ class Explained:
 
     @property
     def cost(self) -> str:
-        """The cost as tables show it; below what the clock resolves it is said as that."""
+        """The cost as tables show it; where it is below what the clock resolves, "<" that."""
         if self.cost_us != self.cost_us:
             return ""
         least = max(self.resolution_us, 0.01)
@@ -114,9 +114,7 @@ class Explanation(Shown):
 def explain(scene: Scene, trajectory: Trajectory | None = None) -> Explanation:
     """Measure the cost per sample of each effect of a scene, and its change of the efforts.
 
-    Args:
-        scene: the robot.
-        trajectory: the motion; None is a seeded random one inside the limits.
+    `trajectory`: the motion; None is a seeded random one inside the limits.
     """
     payloads = tuple(scene.payloads)
     if trajectory is None:
@@ -159,7 +157,7 @@ def explain(scene: Scene, trajectory: Trajectory | None = None) -> Explanation:
 
 
 def _gear_losses(scene: Scene, motion: _Motion, whole: InverseResult) -> tuple[GearLoss, ...]:
-    """By drive, for gears do not act on each other: one scene without all their losses."""
+    """All gears' losses from one scene without any, for gears do not act on each other."""
     unloaded = with_effects(scene, without=["gear"])
     here, below = Efforts.of(whole), Efforts.of(motion.solve(unloaded))
     peaks, rms = effort_changes(here, below, motor=True)
@@ -202,7 +200,7 @@ def all_rounds(
 class _Motion:
     """A motion whose inverse dynamics is timed, on one thread, for several scenes.
 
-    `attached`: (T, payloads), for scenes that have all of `payloads`; None: carried all the time.
+    `attached`: (T, payloads), for scenes with all of `payloads`; None: carried all the time.
     """
 
     states: tuple[np.ndarray, np.ndarray, np.ndarray]
@@ -241,13 +239,10 @@ class _Motion:
 
 
 def _saved(whole: np.ndarray, without: np.ndarray) -> tuple[float, float]:
-    """What one of two contestants takes less, and what the clock resolves of it.
+    """What leaving something out saves, and what the clock resolves of it, by times (rounds,).
 
-    The medians of the differences in each round, and of their distances from that, times
-    3/sqrt(rounds): some two standard errors. Of one round a twentieth of the whole time.
-
-    Args:
-        whole, without: (rounds,) times of both.
+    Medians of the rounds' differences and of their distances from that, these times 3/sqrt(rounds):
+    some two standard errors. Of one round a twentieth of the whole time.
     """
     differences = whole - without
     middle = float(np.median(differences))
@@ -259,10 +254,7 @@ def _saved(whole: np.ndarray, without: np.ndarray) -> tuple[float, float]:
 
 @dataclass(frozen=True, eq=False)
 class Efforts:
-    """(T, na) ends of the efforts at the joints and at the motors' shafts.
-
-    t: (T,) times in s, or None: states without order.
-    """
+    """(T, na) ends of the efforts at the joints and at the motors' shafts; t (T,) s or None."""
 
     lower: np.ndarray
     upper: np.ndarray
@@ -277,12 +269,7 @@ class Efforts:
 
 
 def with_constant_friction(scene: Scene, constants: Mapping[str, float]) -> Scene:
-    """Return the scene with constant friction only, ideal drives and its payloads.
-
-    Args:
-        scene: stays as it is.
-        constants: site -> friction, static as kinetic (N m or N).
-    """
+    """Return the scene with ideal drives, its payloads, and constant friction by site, N m or N."""
     friction = {
         name: Friction(coulomb=CoulombFriction(static=F, kinetic=F))
         for name, F in constants.items()
@@ -303,10 +290,10 @@ def _hardly_rubbing(scene: Scene) -> Scene:
 
 
 def _one_pass(radial: Scene, motion: _Motion) -> Efforts:
-    """Efforts with loads without friction, friction from them, and no look back: no coupling.
+    """Efforts with friction from loads without friction, in one pass: no coupling.
 
-    Efforts are linear in friction: a site's share comes from a constant at that site alone. Kinetic
-    friction, also at sites that stick; `radial` has no friction but that of loads.
+    Efforts are linear in friction, so each site adds its share of a constant friction there. It is
+    kinetic also at sites that stick; `radial` has no other friction.
     """
     plain = motion.solve(with_effects(radial, only=["payload"]))
     loads = motion.solve(_hardly_rubbing(radial)).normal_load
@@ -324,7 +311,7 @@ def _one_pass(radial: Scene, motion: _Motion) -> Efforts:
 def effort_change(
     scene: Scene, here: Efforts, below: Efforts, motor: bool
 ) -> tuple[float, float, str]:
-    """Changes of peak and RMS of the worst end, of the drive that it changes most."""
+    """Changes of peak and RMS of the worst end, of the drive that changes most."""
     peaks, rms = effort_changes(here, below, motor)
     i = int(np.argmax(np.abs(rms)))
     return float(peaks[i]), float(rms[i]), scene.actuator_names[i]

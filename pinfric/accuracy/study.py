@@ -1,7 +1,7 @@
 """Computing time against accuracy: reference, methods, errors, seconds of a scene's simulation.
 
-The reference is the `event` method two decades tighter than the tightest contestant; a second judge
-that shares no code with any contestant may be given, too. What fails is a row with its reason.
+The reference is the `event` method two decades tighter than the tightest contestant; another judge
+that shares no code with them may be given. What fails is a row with its reason.
 """
 
 from __future__ import annotations
@@ -112,8 +112,7 @@ class JudgedTrack:
 
     Attributes:
         t, q: (T,) s, (T, nq).
-        readings: when its sites stick; several where it never stands still and a threshold decides:
-            the one that serves it best counts.
+        readings: when its sites stick; several where a threshold decides: the best one counts.
         evaluations: right-hand sides or steps.
         wall_s: of computing it with no sample but the end (s); NaN where that was not done.
     """
@@ -130,7 +129,6 @@ class Contestant:
     """One method with one setting.
 
     Attributes:
-        method, setting: see `TimedRun`.
         bare: computes the motion with no sample but the end; this is timed.
         judged: computes it with samples.
     """
@@ -180,7 +178,7 @@ class Judge:
 def reference(scene: Scene) -> Motion:
     """Simulate a scene's own motion two decades tighter than the tightest contestant.
 
-    In steps of t_end / 50 at most: no guard hides within a long one.
+    Steps are t_end / 50 at most: no guard hides within a long one.
     """
     assert scene.simulation is not None
     rtol = 1e-2 * min(TOLERANCES)
@@ -197,14 +195,10 @@ def judge_of(motion: Motion) -> Judge:
 
 
 def contestants(scene: Scene, methods: Collection[str] | None = None) -> list[Contestant]:
-    """Return pinfric's methods, each with all its settings.
+    """Return pinfric's methods, or those wanted, each with all its settings.
 
     `event` without a limit to its steps, so that the tolerance alone decides, and once with its
     defaults.
-
-    Args:
-        scene: with a `simulation` section.
-        methods: those wanted; None is all three.
     """
     assert scene.simulation is not None
     t_end = scene.simulation.t_end
@@ -252,10 +246,7 @@ def _own(scene: Scene, method: str, setting: str, options: Mapping[str, float]) 
 def compete(entries: Sequence[Contestant], judge: Judge, rounds: int = 3) -> tuple[TimedRun, ...]:
     """Judge and time contestants; one that fails is a row with its reason.
 
-    Args:
-        entries: who competes.
-        judge: gives the errors.
-        rounds: timings of each, all of them in every round; what takes seconds is timed once.
+    Each is timed in all rounds; what takes seconds once.
     """
     runs: list[TimedRun] = []
     quick: dict[int, Callable[[], object]] = {}
