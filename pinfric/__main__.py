@@ -59,7 +59,8 @@ def main() -> NoReturn:
 def _interrupt(number: int, frame: FrameType | None) -> None:
     """Raise `KeyboardInterrupt`; during an import, where no file is half written, exit at once.
 
-    While LLVM compiles, files are half written or worker processes run, it is raised again later.
+    It is raised later while LLVM compiles, and in an import with files half written or worker
+    processes.
     """
     _asked.append(number)
     stack = []

@@ -67,7 +67,7 @@ class Begun:
         masses: link -> its estimated inertia; empty where the URDF has masses.
         mass: their sum, kg; 0 where none was given.
         by: what it is shared by.
-        drive: kind of all drives, of `DRIVES`; None: not known.
+        drive: kind of all drives, of `DRIVES`; None: unknown.
     """
 
     urdf: Path

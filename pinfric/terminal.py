@@ -285,7 +285,6 @@ def answer(
     """Print what a command computed, and write its files into a folder, all or none.
 
     Args:
-        command: its name.
         result: described; its JSON in its envelope is one of the files.
         report: makes the tables.
         as_json: print the JSON, not the tables.

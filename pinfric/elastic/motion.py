@@ -100,7 +100,7 @@ class RestPeriod:
         wind_up_approach, wind_up_opposite: (na,) after the approach and after the opposite one;
             None: unknown.
         frequency: Hz, lowest with motors held, at the least and the greatest torque held.
-        mode: at the least.
+        mode: that at the least torque.
         tool: None where `Elasticity.notes` say why.
     """
 

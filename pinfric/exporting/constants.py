@@ -122,7 +122,7 @@ class _Sampled(NamedTuple):
         return np.abs(self.result.actuator_velocity[:, d]) <= limit
 
     def moving(self, d: int) -> np.ndarray:
-        """(T,) bool; not where an interval in motion passes through rest beside its sample."""
+        """(T,) bool: faster than the stick velocity, and without a reversal beside the sample."""
         return ~self.slow(d) & (self.lower[:, d] == self.upper[:, d])
 
     def at_rest(self, d: int) -> dict[str, float]:

@@ -99,7 +99,7 @@ def level_uncertainty(
     """Return the relative uncertainty e of each drive's friction: half its 95 % interval.
 
     It is that of the mean of |r T_m - r^2 J a - tau_id| where the drive moves, over the rows of the
-    posterior that `identify` wrote. Empty without a posterior; without drives that never move.
+    posterior that `identify` wrote. Drives that never move are left out; without a posterior all.
 
     Args:
         scene: identified.

@@ -98,8 +98,6 @@ def mjcf(
         gravity: (3,) m/s^2.
         timestep: s.
         friction: attributes of all joints that set the solver of MuJoCo's friction constraint.
-        limits: whether joints stop at theirs.
-        comment: lines at the top.
         springs: of the scene; those that MuJoCo cannot hold exactly are left out.
     """
     root = ElementTree.Element("mujoco", model=name)

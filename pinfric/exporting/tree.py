@@ -25,8 +25,8 @@ class MovedBody:
         parent: row of the parent body; -1 is the world.
         placement: of the joint's frame in the parent's, at q = 0.
         inertia: of all links fixed to each other, with payloads.
-        axis: (3,) unit vector, along or about which it moves.
-        armature: the model's rotor inertia at the joint (kg m^2 or kg).
+        axis: (3,) unit vector of its motion.
+        armature: the model's, at the joint (kg m^2 or kg).
         effort_limit: N m or N; infinite if none was stated.
         frames: name -> placement in the body of its further links.
         follows: (leader's name, ratio, shift) of a mimic joint; None for others.

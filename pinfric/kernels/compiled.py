@@ -386,7 +386,7 @@ class _Place(_Numba):
 
 
 def _is_loaded(symbol: str, index: str, types_: tuple[Any, ...], target_context: Any) -> bool:
-    """Load a kernel; return whether it has this symbol, or LLVM would end the process."""
+    """Load a kernel, and return whether it has this symbol: LLVM ends the process at another."""
     dispatcher = _KERNELS.get(index)
     if dispatcher is None:
         return False

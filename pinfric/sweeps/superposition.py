@@ -66,7 +66,8 @@ class Superposition:
 
     Attributes:
         scene, trajectory, targets: as in `cycle.Study`.
-        bodies: scenes of the robot alone, and of each varied payload alone at each of its places.
+        bodies: scenes of the robot with all that stays, and of each varied payload alone at each of
+            its places.
         basis: each body run by each cause.
         path: what all samples share.
     """

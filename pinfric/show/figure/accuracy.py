@@ -42,7 +42,7 @@ def accuracy_figure(accuracy: Accuracy) -> Figure:
 
 
 def _draw(axes: Axes, runs: Sequence[TimedRun], quantity: str) -> list[str]:
-    """Draw error against time, a line per method; return in which runs it has no such error."""
+    """Draw one panel; return how often each method lacks this error."""
     from matplotlib.ticker import LogLocator
 
     lost = []

@@ -170,7 +170,7 @@ def largest(peaks: Sequence[float], units: Sequence[str], most: int) -> tuple[li
     """Return which drives to draw, in their order, and a text about the others.
 
     Args:
-        peaks: (na,) of the drives' efforts; compared with the largest of the same unit.
+        peaks: (na,) of the efforts; compared with the largest of the same unit.
         units: (na,) of these.
         most: how many to draw.
     """

@@ -53,7 +53,7 @@ def motion_figure(motion: Motion) -> Figure:
     """Draw the joints of a motion, a row each: position, velocity, friction against its limits.
 
     Where the joint sticks is shaded. Of more than 16 joints those that move are drawn: first those
-    that stick and slip, then the farthest travelled (a metre as a radian); the others are counted.
+    that stick and slip, then the farthest travelled (a metre as a radian).
     """
     rows = _rows(motion)
     drawn, others = _chosen(rows)

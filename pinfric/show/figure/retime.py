@@ -38,9 +38,6 @@ def retime_figure(result: RetimeResult) -> Figure:
 
     Above the limit no acceleration along the path keeps all limits. A drive's strip is filled as
     far as it uses its nearest limit, and coloured where it reaches it.
-
-    Args:
-        result: of `retime`.
     """
     from matplotlib.patches import Patch
 

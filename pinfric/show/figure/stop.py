@@ -23,10 +23,7 @@ _MOST = 12
 
 
 def stop_figure(result: StopResult) -> Figure:
-    """Draw for each drive its joint's farthest stop: speed, and its gear's effort.
-
-    Of more than 12 drives those that go farthest are drawn.
-    """
+    """Draw each drive's farthest stop (`draw_stop`); of more than 12 those that go farthest."""
     order = np.argsort([-axis.travel for axis in result.axes], kind="stable")[:_MOST]
     drawn = sorted(order.tolist())
     labels, _ = picture_names([result.axes[d].name for d in drawn], 40)
@@ -46,7 +43,7 @@ def stop_figure(result: StopResult) -> Figure:
 
 
 def axis_pictures(result: StopResult, drive: int) -> tuple[Figure, Figure]:
-    """Return two pictures of one drive's farthest stop: speed, and its gear's effort."""
+    """Return one drive's two pictures of `draw_stop`."""
     unit = effort_unit(result.scene, drive)
     speed, upper = panel("time from the command, ms", f"speed, {unit_at(SPEED, unit)}")
     effort, lower = panel("time from the command, ms", f"effort of the gear, {unit}")
@@ -55,7 +52,7 @@ def axis_pictures(result: StopResult, drive: int) -> tuple[Figure, Figure]:
 
 
 def draw_stop(upper: Axes, lower: Axes, result: StopResult, drive: int) -> None:
-    """Draw one drive's farthest stop: its joint's speed above, its gear's effort below.
+    """Draw a drive's farthest stop: its joint's speed above, its gear's effort below.
 
     Args:
         upper, lower: axes.

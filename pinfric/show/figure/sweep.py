@@ -37,13 +37,13 @@ _FARTHEST = 1.2
 def sweep_figure(result: SweepResult) -> Figure:
     """Draw a row for every drive: distributions of peak and RMS, and influential parameters.
 
-    Of more than 16 drives those with the largest median peaks of their unit; the rest is counted.
-    Ticks below a histogram are percentiles; what lies beyond a motor's rating is orange. The bars
-    on the right are rank correlations with the RMS (in Sobol's design: shares of its variance);
-    bars shorter than the grey band are not significant.
+    Of more than 16 drives those with the largest median peaks of their unit. Ticks below a
+    histogram are percentiles; what lies beyond a motor's rating is orange. The bars on the right
+    are rank correlations with the RMS (in Sobol's design: shares of its variance); bars shorter
+    than the grey band are not significant.
 
     Args:
-        result: of `sweep`, with at least one sample that has a solution.
+        result: with at least one sample that has a solution.
     """
     names, where = result.rated, shaft(result)
     units = result.units if names == ("peak", "rms") else result.motor_units

@@ -91,7 +91,7 @@ def _said(p: Parameter) -> Marked:
 
 
 def _told(recording: str, row: MoreKnown) -> Marked:
-    """How much a further recording would improve a coefficient, marked by how much."""
+    """How much a further recording improves a coefficient, coloured by it."""
     factor = row.factors[recording]
     kind = "ok" if factor <= 0.6 else "tight" if factor <= 0.8 else "none"
     return mark(kind, digits(factor))

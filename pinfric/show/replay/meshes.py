@@ -52,7 +52,7 @@ def urdf_visuals(model: pin.Model, robot: Robot) -> tuple[list[DrawnShape], dict
     """Return a URDF's visuals, and the missing ones: file name -> why.
 
     Args:
-        model: the robot, with a frame for each of its links.
+        model: with a frame for each link.
         robot: the URDF and where its meshes are.
     """
     try:

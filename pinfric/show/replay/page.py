@@ -47,13 +47,7 @@ class RecordingWindow:
 
 
 def replay_html(scene: Scene, frames: Frames, title: str) -> str:
-    """Return the page.
-
-    Args:
-        scene: the robot.
-        frames: its motion.
-        title: heading of the page and its window.
-    """
+    """Return the page; `title` is its heading."""
     import meshcat
 
     window = RecordingWindow()

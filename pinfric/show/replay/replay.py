@@ -44,7 +44,7 @@ class Replay:
         return write_file(path, self.page)
 
     def open(self) -> bool:
-        """Show the page in a browser; return False without one or without a display."""
+        """Show the page (`open_page`)."""
         return self.html is not None and open_page(self.html)
 
     def __repr__(self) -> str:

@@ -87,7 +87,6 @@ def set_stage(viewer: Any, scene: Scene, placements: np.ndarray) -> Stage:
 
     Args:
         viewer: a `meshcat.Visualizer`.
-        scene: the robot.
         placements: (F, nj, 7) of the joints in the frames that the view must show.
     """
     # 1. What will be seen, in up to 24 frames, and its size; gravity points down
@@ -144,13 +143,7 @@ def set_stage(viewer: Any, scene: Scene, placements: np.ndarray) -> Stage:
 
 
 def animate(viewer: Any, stage: Stage, frames: Frames) -> None:
-    """Animate joints and cylinders, and show payloads while carried.
-
-    Args:
-        viewer: with what `set_stage` drew.
-        stage: what it returned.
-        frames: the motion; the animation begins at its first frame, at 0 s.
-    """
+    """Animate joints and cylinders from 0 s on, and show payloads while carried."""
     from meshcat.animation import Animation, AnimationClip
 
     t, animation = frames.t - frames.t[0], Animation()
@@ -202,8 +195,7 @@ def tool_stops(scene: Scene, placements: np.ndarray) -> np.ndarray:
     """Return (n, 3) places at which the scene's tool stops, m; none without a tool.
 
     Args:
-        scene: the robot.
-        placements: (F, nj, 7) of its joints.
+        placements: (F, nj, 7) of the joints.
     """
     if scene.tool is None:
         return np.zeros((0, 3))

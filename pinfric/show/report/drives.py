@@ -125,7 +125,7 @@ def provisional_table(summary: SizingSummary) -> Table | None:
 def ask_table(summary: SizingSummary, most: int = 0) -> Table | None:
     """Return the products that lack a figure, fewest figures first; None: none.
 
-    Where drives are chosen, only lighter ones.
+    Where drives are chosen, these are lighter ones.
 
     Args:
         most: rows to show; 0: all.

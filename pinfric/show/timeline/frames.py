@@ -99,10 +99,9 @@ def make_frames(
     """Cut a motion into frames that lose no change between sliding and sticking.
 
     Args:
-        scene: the robot.
         motion: a result of inverse dynamics with times, or a simulated motion.
         rate: frames per second; fewer if they would exceed `MOST_FRAMES`.
-        log: the log that the motion comes from, compared with the result.
+        log: the motion's, compared with the result.
         limits: (na,) of the drives, for a result of inverse dynamics.
 
     Raises:
@@ -165,7 +164,6 @@ def site_rates(scene: Scene, q: np.ndarray, v: np.ndarray) -> np.ndarray:
     angular velocity; at a loop's joint from the bodies that it joins.
 
     Args:
-        scene: the robot.
         q: (n, nq).
         v: (n, nv).
     """

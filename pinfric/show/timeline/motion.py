@@ -53,7 +53,6 @@ def with_drives(
     """Return scene and motion with the gears of given drives, and the drives' limits.
 
     Args:
-        scene: the robot.
         motion: of inverse dynamics.
         limits: of the drives, as `retime` takes them.
 
