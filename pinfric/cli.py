@@ -382,7 +382,6 @@ def _cycles(
 
 
 def _nested(options: dict[str, Any]) -> dict[str, Any]:
-    """Turn keys KEY.NAME into mappings of names."""
     nested: dict[str, Any] = {}
     for name, value in options.items():
         key, dot, inner = name.partition(".")
@@ -1018,7 +1017,6 @@ def _run(arguments: list[str]) -> int:
 
 
 def _unexpected(problem: Exception) -> tuple[str, int]:
-    """Return the line and the exit code of an exception that nothing else caught."""
     if isinstance(problem, OSError) and problem.filename is not None:  # a disk, a name, a right
         name = str(problem.filename)
         name = name if len(name) <= 250 else f"{name[:80]}..."

@@ -344,7 +344,6 @@ def _masses_section(begun: Begun) -> list[str]:
 
 
 def _payload_section(payload: Payload | None, link: str) -> list[str]:
-    """Return the rated payload, or an example in a comment."""
     if payload is None:
         return [
             "  # payloads:                  # what it carries; com in the link's frame",
@@ -364,7 +363,6 @@ def _joint_section(
     guesses: Mapping[str, dict[str, tuple[str, str]]],
     dynamics: Mapping[str, UrdfDynamics],
 ) -> list[str]:
-    """Return the lines of one joint; a joint without a single axis is only listed."""
     name = yaml_line(joint.name)
     if joint.degrees > 1:
         return [f"  # {name}: {joint.degrees} degrees of freedom; friction needs one axis"]
@@ -515,7 +513,6 @@ def _duration(columns: tuple[JointColumn, ...], start: list[float], end: list[fl
 
 
 def _short(x: float, digits: int = 2) -> str:
-    """Write a number with so many significant digits."""
     number = float(f"{x:.{digits}g}")
     return yaml_line(int(number) if number.is_integer() else number)
 

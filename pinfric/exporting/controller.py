@@ -148,7 +148,6 @@ def _level(result: InverseResult, moving: np.ndarray) -> np.ndarray:
 def _heading(
     scene: Scene, frames: Sequence[str], unknown: Mapping[str, float], name: str
 ) -> list[str]:
-    """The comment at the top of the header."""
     known = [
         f"  {drive}: friction known to {e:.1%} (e, half of the 95 % interval); stable scale at the "
         f"measured velocity 1/(1+e) = {stable_scale(e):.3f}"

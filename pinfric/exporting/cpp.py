@@ -159,7 +159,6 @@ def header_name(source: str, name: str = "") -> str:
 
 
 def _made_of(scene: Scene) -> str:
-    """The scene's files with their hashes; a robot made in Python has none."""
     files = [Path(scene.source), *([] if scene.robot is None else [scene.robot.urdf])]
     hashes = [f"{file.name} sha256 {file_hash(file)}" for file in files if file.is_file()]
     said = f"pinfric {__version__}, {', '.join(hashes) or 'a scene made in Python'}"
@@ -293,7 +292,6 @@ def _bodies(scene: Scene, turns: np.ndarray) -> list[tuple[str, str]]:
 
 
 def _laws(scene: Scene) -> tuple[list[tuple[str, str]], ...]:
-    """Sites, terms of their loads, rows of their friction."""
     laws = scene.site_tables.laws
     loads = contacts([site.friction.bearing for site in scene.sites], [_Z] * len(scene.sites))
     sites = []
@@ -325,7 +323,6 @@ def _laws(scene: Scene) -> tuple[list[tuple[str, str]], ...]:
 
 
 def _drives(scene: Scene) -> tuple[list[tuple[str, str]], list[tuple[str, str]]]:
-    """Drives, and the lines of their gears' losses."""
     gears = scene.gears()
     fields = (
         "ratio",

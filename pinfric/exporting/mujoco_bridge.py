@@ -202,7 +202,6 @@ class _Robot:
         self._armature = np.array([body.armature for body in own])
 
     def names(self) -> dict[int, str]:
-        """Return the joints that count: MuJoCo's index -> name."""
         own = zip(self._joint.tolist(), self.counts, self.row, strict=True)
         return {j: self.prefix + self._tree[k].joint.name for j, counts, k in own if counts}
 
@@ -234,7 +233,6 @@ class _Robot:
         return np.abs(data.qvel[self.dofs]) <= self._gears.stick_velocity
 
     def first(self, data: Any) -> np.ndarray:
-        """(na,) limits at the beginning of a motion."""
         resting, old = self.resting(data), self.model.dof_frictionloss[self.dofs]
         direction = np.where(resting, -self.last(data)[0], data.qvel[self.dofs])
         return self._limits(data, resting, direction, np.where(resting, old, np.nan))
@@ -447,7 +445,6 @@ def _mujoco() -> Any:
 
 
 def _joints(mujoco: Any, scene: Scene, model: Any, prefix: str) -> list[int]:
-    """The model's joint for each of the scene's."""
     indices, kind = [], mujoco.mjtJoint
     for body in bodies(scene):
         name = prefix + body.joint.name

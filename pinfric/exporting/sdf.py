@@ -56,7 +56,6 @@ def sdf(
 
 
 def _link(body: MovedBody, name: str) -> ElementTree.Element:
-    """A link in the frame of its joint."""
     link = ElementTree.Element("link", name=name)
     _text(link, "pose", numbers([0.0] * 6), relative_to=body.joint.name)
     inertial = ElementTree.SubElement(link, "inertial")

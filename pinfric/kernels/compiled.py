@@ -225,7 +225,6 @@ class _NoCache(NullCache):
         )
 
     def save_overload(self, sig: Any, data: Any) -> None:
-        """Report that it is compiled."""
         PROGRESS.end(self._function, compiled=True)
 
 

@@ -39,7 +39,6 @@ class _Clock:
         self.hurried = 0
 
     def keep_in(self, folder: str) -> None:
-        """Keep the time in a file in this folder."""
         self._file = Path(folder) / "pinfric.interpreted"
 
     def is_over(self) -> bool:
@@ -51,7 +50,6 @@ class _Clock:
         return self.here + self._before >= PATIENCE
 
     def add(self, seconds: float) -> None:
-        """Count time spent."""
         if self.here == 0.0:
             atexit.register(self._write)
         self.here += seconds

@@ -76,7 +76,6 @@ def _band(r: Reproduction, axes: Axes, joint: int, label: str = "") -> np.ndarra
 
 
 def _intervals(r: Reproduction, axes: Sequence[Axes], names: Sequence[str]) -> None:
-    """Draw the applied torques, and those of inverse dynamics."""
     for joint, (torque, name) in enumerate(zip(axes, names, strict=True)):
         slides = _band(r, torque, joint, "inverse, sticking: any torque in the band")
         (line,) = torque.plot(r.motion.t, slides, color=_INVERSE, label="inverse, sliding")
@@ -96,7 +95,6 @@ def _broken(r: Reproduction, values: np.ndarray) -> np.ndarray:
 
 
 def _axes(r: Reproduction, caption: str, count: int = 1) -> tuple[Figure, list[Axes]]:
-    """Make axes over time with the stiction interval marked."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(8.0, 1.6 + 2.4 * count), dpi=150, layout="constrained")

@@ -87,7 +87,6 @@ class _Known:
     acceleration: Array  # q'' (T, n)
 
     def take(self, samples: Indices) -> _Known:
-        """Return some of the samples."""
         placement = Placement(
             *(getattr(self.placement, f.name)[samples] for f in fields(Placement))
         )

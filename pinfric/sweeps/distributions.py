@@ -160,12 +160,10 @@ class _Counted(Distribution):
 
     @property
     def support(self) -> tuple[float, float]:
-        """The least and the greatest value."""
         values = self.levels or ()
         return min(values), max(values)
 
     def probability_below(self, x: float) -> float:
-        """Return P(X < x)."""
         return float(np.mean(np.array(self.levels) < x))
 
 

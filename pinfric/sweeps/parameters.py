@@ -256,7 +256,6 @@ def _scaled(entry: Any, key: str, factor: float) -> Any:
 
 
 def _impossible(section: str, key: str, kind: str, distribution: Distribution) -> str:
-    """Say which values of a distribution are impossible; empty if none."""
     low = distribution.support[0]
     with np.errstate(over="ignore"):
         ends = distribution.quantile(np.array([0.0, 0.05, 0.95, 1.0 - 2.0**-53]))

@@ -1,7 +1,6 @@
 """Figures of effort over time as an interval, a panel per drive.
 
-`pyplot` is not used: it takes a second to import and keeps figures alive. Long motions are thinned
-to their extremes.
+`pyplot` is not used: it takes a second to import and keeps figures alive.
 """
 
 from __future__ import annotations

@@ -156,7 +156,6 @@ def _say(axes: Axes, text: str) -> None:
 
 
 def _dress(axes: Axes, motion: Motion, site: int, unit: str) -> None:
-    """Set limits and ticks; shade where the joint sticks."""
     values = np.concatenate([np.asarray(line.get_ydata(), dtype=float) for line in axes.lines])
     values = values[np.isfinite(values)]
     middle = float(values.mean()) if values.size else 0.0

@@ -115,7 +115,6 @@ def _spread(axes: Axes, result: SweepResult, i: int, name: str) -> None:
 
 
 def _mark_percentiles(axes: Axes, result: SweepResult, values: np.ndarray) -> None:
-    """Label the percentiles with ticks, moved aside where labels would overlap."""
     percentiles = sorted(result.percentiles)
     at = np.percentile(values, percentiles)
     low, high = axes.get_xlim()
@@ -147,7 +146,6 @@ def _mark_percentiles(axes: Axes, result: SweepResult, values: np.ndarray) -> No
 
 
 def _drivers(axes: Axes, result: SweepResult, i: int, strength: np.ndarray, bottom: bool) -> None:
-    """Draw bars of the most influential parameters, the strongest on top."""
     order = np.argsort(-np.nan_to_num(np.abs(strength), nan=-1.0), kind="stable")[:_DRAWN]
     signed = not result.has_shares
     if signed:

@@ -140,7 +140,6 @@ def sizing_page(report: SizingReport, command: str = "", inputs: Iterable[str | 
 
 
 def _demanded(report: SizingReport) -> str:
-    """State in a line what was demanded of the drives."""
     c = report.conditions
     arm = f"whole arm {figure(c.lowest_frequency)} Hz" if c.lowest_frequency else "each axis alone"
     parts = [
@@ -157,7 +156,6 @@ def _demanded(report: SizingReport) -> str:
 
 
 def _conditions(conditions: Conditions) -> str:
-    """State every condition with its value, and which are not defaults."""
     default, said = Conditions(), []
     for name, value in conditions:
         if value is not None and value != {}:
@@ -169,7 +167,6 @@ def _conditions(conditions: Conditions) -> str:
 def _joint_view(
     joint: JointSizing, report: SizingReport, summary: SizedJoint, k: int
 ) -> dict[str, Any]:
-    """Return what the template shows of one joint."""
     taken, name = summary.installed, summary.name
     drawn = [("effort", "Effort at the joint over the cycle", effort_over_time(joint))]
     missing = []
@@ -198,7 +195,6 @@ def _joint_view(
 
 
 def _margin(margin: float | None) -> Marked:
-    """A margin coloured by its verdict."""
     if margin is None:
         return Marked(NO_FIGURE)
     return mark("bad" if margin < 0 else "tight" if margin < _TIGHT else "ok", percentage(margin))
@@ -211,7 +207,6 @@ _CELLS: dict[str, Callable[[SizedJoint], str]] = {
 
 
 def _ended(c: Criterion) -> Marked:
-    """The result of a criterion, with its margin."""
     if c.unchecked:
         return mark("none", "not checked", c.note)
     if c.status == Status.NOT_REQUIRED:

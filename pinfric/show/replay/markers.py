@@ -1,7 +1,7 @@
-"""Places and colours of a replay's marks of friction sites.
+"""Places and colours of a replay's marks: a ring round each friction site's axis.
 
-A ring round the joint's axis shows the site's state by its colour. It is drawn twice: solid, and
-faintly on top of everything, so a joint inside its housing shows, too.
+It is drawn twice: solid, and faintly on top of everything, so a joint inside its housing shows,
+too.
 """
 
 from __future__ import annotations

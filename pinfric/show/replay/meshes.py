@@ -1,7 +1,7 @@
-"""A URDF's visuals as coloured triangles, from any kind of file.
+"""A URDF's visuals as coloured triangles.
 
-trimesh reads them one by one: only a missing or broken mesh is lost. (Pinocchio then refuses all
-visuals, and meshcat's reader of Collada files fails on some.)
+trimesh reads them one by one, so only a broken mesh is lost. (Pinocchio then refuses all, and
+meshcat's reader of Collada files fails on some.)
 """
 
 from __future__ import annotations

@@ -76,7 +76,6 @@ def replay_html(scene: Scene, frames: Frames, title: str) -> str:
 
 
 def _data(scene: Scene, frames: Frames, staged: Stage) -> dict[str, Any]:
-    """Return what the page's script reads, without the frames."""
     rows = _rows(frames)
     names = [*scene.site_names, *(row["name"] for row in rows)]
     labels = without(names, *affixes(names))
@@ -182,7 +181,6 @@ def _most(scene: Scene, frames: Frames) -> dict[str, float]:
 
 
 def _about(scene: Scene, frames: Frames) -> str:
-    """Return the line below the title."""
     kind = "Simulated motion" if frames.simulated else "Inverse dynamics along a motion"
     joints = counted(len(scene.sites), "joint") if scene.sites else "no joint"
     gravity = np.array(scene.model.gravity.linear)

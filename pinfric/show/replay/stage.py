@@ -223,7 +223,6 @@ def _draw_ball(
 
 
 def _draw_payload(node: Any, shape: DrawnShape, scene: Scene, name: str, size: float) -> None:
-    """Draw a payload as a box, and a rod to the origin of its link."""
     from trimesh import creation
 
     payload = scene.payloads[name]

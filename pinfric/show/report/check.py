@@ -65,7 +65,6 @@ def finding_list(findings: Iterable[Finding]) -> RenderableType:
 
 
 def _others(same: list[Finding]) -> str:
-    """Return the places of further findings of one kind."""
     if not same:
         return ""
     word = same[0].place.partition(" ")[0]

@@ -121,7 +121,6 @@ def _cut_in_the_middle(names: Sequence[str], room: int) -> list[str] | None:
 
 
 def _common(names: Sequence[str]) -> int:
-    """Return the number of letters that all names begin with."""
     columns = zip(*names, strict=False)
     return sum(1 for _ in itertools.takewhile(lambda letters: len(set(letters)) == 1, columns))
 

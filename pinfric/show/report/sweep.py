@@ -82,7 +82,6 @@ def _elastic_table(result: SweepResult, figures: dict[str, np.ndarray]) -> Table
 
 
 def _driver_table(result: SweepResult, where: str) -> Table:
-    """The most influential parameters on each drive's peak and RMS."""
     signed = not result.has_shares
     columns = [Column("joint", ColumnKind.NAME)]
     rows = [[drive] for drive in result.actuator_names]
@@ -139,7 +138,6 @@ def percent(probability: Probability, interval: bool = False) -> str:
 
 
 def _motors(result: SweepResult) -> str:
-    """State which motors suffice: all, or how many were on trial."""
     tried, drives = len(result.trials), len(result.actuator_names)
     if tried == drives:
         return "all motors suffice"
@@ -149,7 +147,6 @@ def _motors(result: SweepResult) -> str:
 
 
 def _trial_notes(result: SweepResult) -> list[str]:
-    """State what was not checked, and which masses were added to the model."""
     lines = []
     for trial in result.trials:
         if missing := result.not_checked(trial):
