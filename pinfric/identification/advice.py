@@ -72,7 +72,7 @@ def advise(estimate: Estimate) -> tuple[Advice, ...]:
 
 
 def advice_text(advice: Advice, scene: Scene) -> str:
-    """Return a recording as a way-point file that begins with departures, for static friction."""
+    """Return a recording as a way-point file that begins with slow departures."""
     start = advice.points[0].q
     points = [*_departures(start), *advice.points[1:]]
     lines = [
@@ -125,7 +125,7 @@ def _recordings(estimate: Estimate) -> Iterator[tuple[str, tuple[WayPoint, ...],
 
 
 def _links(scene: Scene) -> list[str]:
-    """The links that joints move; a model made in Python may have none."""
+    """The links that joints move; none where a model made in Python names none."""
     return [
         frame.name
         for frame in scene.model.frames
@@ -134,7 +134,7 @@ def _links(scene: Scene) -> list[str]:
 
 
 def _way(q: FloatArray, speed: FloatArray) -> tuple[WayPoint, ...]:
-    """Way-points among logged postures, each as far as can be from those before, for 30 s."""
+    """Way-points among logged postures, each far from those before, for 30 s."""
     size = np.maximum(np.ptp(q, axis=0), 1e-6)
     pool = np.unique(q[:: max(1, len(q) // 400)] / size, axis=0)
     here, visited, elapsed = pool[0], [pool[0]], 0.0
@@ -154,7 +154,7 @@ def _way(q: FloatArray, speed: FloatArray) -> tuple[WayPoint, ...]:
 def _weighed(
     estimate: Estimate, normal: Normal, name: str, points: tuple[WayPoint, ...], load: float
 ) -> Advice:
-    """Return a recording with the factors by which it changes standard errors."""
+    """Return a recording with its effect on the standard errors."""
     grams = _grams(estimate, points, load)
     more = Normal.of(grams, np.ones(1, dtype=bool), estimate.problem.weights)
     both = Normal(
@@ -178,7 +178,7 @@ def _weighed(
 
 
 def _grams(estimate: Estimate, points: tuple[WayPoint, ...], load: float) -> list[BlockProducts]:
-    """Products of the columns of a recording that has not been made."""
+    """Products of the columns of a recording that is not made yet."""
     scene = estimate.scene
     columns = joint_columns(scene.model)
     file = WayPointFile(pinfric_trajectory=1, sample_rate=_RATE, points=points)

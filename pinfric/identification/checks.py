@@ -44,9 +44,7 @@ _UNLIKE, _OWN_ERROR = 0.1, 2.0
 def check_efforts(scene: Scene, rows: Sequence[Rows], confirmed: Collection[str]) -> None:
     """Refuse efforts that do not fit this robot in N m or N.
 
-    Args:
-        scene: with the URDF's inertias. rows: of each joint.
-        confirmed: joints whose gain a person has stated: only their signs are judged.
+    `confirmed`: joints whose gain a person has stated: only their signs are judged.
 
     Raises:
         IdentificationError: a wrong sign or unit, by joint, all in one message.
@@ -144,9 +142,7 @@ def holds_no_gravity(scales: Mapping[int, tuple[float, float]]) -> bool:
 def check_gravity(
     scene: Scene, scales: Mapping[int, tuple[float, float]], confirmed: Collection[str]
 ) -> None:
-    """Refuse efforts whose gravity (`gravity_scales`) is not that of masses that are kept.
-
-    Joints whose unit a person has `confirmed` pass.
+    """Refuse efforts with another gravity than that of the kept masses, but of `confirmed` joints.
 
     Raises:
         IdentificationError: by joint, all in one message.
@@ -169,11 +165,7 @@ def check_gravity(
 def check_limits(
     scene: Scene, rows: Sequence[Rows], fit: Fit, names: str, confirmed: Collection[str]
 ) -> None:
-    """Refuse efforts and friction beyond the URDF's limits of effort: a wrong unit.
-
-    Args:
-        fit: with Coulomb and viscous friction. names: of the logs.
-        confirmed: joints whose unit a person has confirmed.
+    """Refuse efforts and friction beyond the URDF's limits of effort, but of `confirmed` joints.
 
     Raises:
         IdentificationError: by joint, all in one message.
@@ -204,9 +196,7 @@ def check_limits(
 def _carries(rows: Sequence[Rows], theta: FloatArray, factors: Mapping[int, float]) -> bool:
     """Whether a payload at the last link explains all efforts better than factors on some do.
 
-        effort = Y theta + Y_last (m, m c)    or    effort = factor Y theta
-
-    Each joint counts by its effort's own spread.
+    effort = Y theta + Y_last (m, m c)    or    effort = factor Y theta
     """
     by_factors, offs, lasts = 0.0, [], []
     for j, own in enumerate(rows):
@@ -223,7 +213,7 @@ def _carries(rows: Sequence[Rows], theta: FloatArray, factors: Mapping[int, floa
 
 
 def _beside_friction(rows: Rows, *given: FloatArray) -> Iterator[FloatArray]:
-    """Yield columns without what friction, a rotor's inertia and an offset can make of them."""
+    """Yield columns less what friction, a rotor and an offset can make of them."""
     others = np.column_stack((rows.slots[:, _OWN], np.ones(rows.effort.size)))
     others = others / np.maximum(np.abs(others).max(axis=0), 1e-12)
     basis = np.linalg.qr(others)[0]
@@ -232,7 +222,7 @@ def _beside_friction(rows: Rows, *given: FloatArray) -> Iterator[FloatArray]:
 
 
 def _turned(rows: Rows, theta: FloatArray) -> bool:
-    """Whether masses, friction and a rotor explain the negative of an effort, but not the effort.
+    """Whether masses, friction and a rotor explain the negative effort only.
 
     +-effort = A x,    x >= 0: factors on the rigid effort, friction and acceleration
     """
@@ -248,7 +238,7 @@ def _turned(rows: Rows, theta: FloatArray) -> bool:
 
 
 def _slope(rows: Rows, prior: Prior) -> tuple[float, float]:
-    """Slope and correlation of effort on rigid effort, friction, inertia and offset taken out.
+    """Slope and correlation of effort on rigid effort beside friction, inertia and offset.
 
     1 and 0 where loads make little of the effort, and usual errors of a URDF may explain the slope.
     """

@@ -1,4 +1,4 @@
-"""Which law each joint follows: the smallest one whose error on held-out blocks is not worse."""
+"""Which law each joint follows: the smallest one that is not worse on held-out blocks."""
 
 from __future__ import annotations
 
@@ -121,10 +121,7 @@ def held_out_parts(block: IntArray, log: IntArray) -> IntArray:
 
 
 def choose(problem: Problem) -> Choice:
-    """Return each joint's law.
-
-    First all joints change law together, then one at a time beside the others' laws.
-    """
+    """Return each joint's law: all joints change together, then one at a time."""
     candidates = list(dict.fromkeys((PLAIN, *(law for laws in problem.laws for law in laws))))
     judge = _Judge(problem)
     tables: list[dict[Law, FloatArray]] = [{} for _ in problem.laws]
@@ -214,7 +211,7 @@ class _Judge:
         return [block_errors(self._grams[j], np.hstack((theta, slots_of[:, j]))) for j in joints]
 
     def taken(self, joint: int, errors: Mapping[Law, FloatArray]) -> Law:
-        """Return the joint's law, by the candidates' sums of squared errors in every part."""
+        """Return the joint's law, by its candidates' squared errors in every part."""
         own = self._problem.laws[joint]
         return simplest_adequate_law({law: errors[law] for law in own}, self.rows[joint])
 
@@ -267,7 +264,7 @@ def not_ruled_out(
 
 
 def _worse(law: FloatArray, other: FloatArray, rows: FloatArray) -> tuple[float, float]:
-    """Return by how much a law's sum of squares exceeds another's, and its standard error."""
+    """Return a law's sum of squares less another's, and its standard error."""
     difference = (law - other)[rows > 0]
     spread = float(difference.std(ddof=1)) if difference.size > 1 else 0.0
     return float(difference.sum()), spread * float(np.sqrt(difference.size))

@@ -116,7 +116,7 @@ class Prepared:
 
 
 def thinning(recordings: Sequence[Recording]) -> int:
-    """Return the factor by which all logs are thinned beyond what the low pass allows."""
+    """Return the factor of thinning beyond what the low pass allows, for all logs."""
     count = sum(recording.trajectory.t.size / _spacing(recording.step) for recording in recordings)
     return int(np.ceil(count / _MOST))
 
@@ -200,14 +200,14 @@ def _presliding(recording: Recording, kept: IntArray) -> tuple[FloatArray, BoolA
 
 
 def weightless(model: pin.Model) -> pin.Model:
-    """Return a copy of a robot on which no gravity acts."""
+    """Return a copy of a robot without gravity."""
     copied = model.copy()
     copied.gravity.linear = np.zeros(3)
     return copied
 
 
 def along(scene: Scene, motion: Trajectory) -> tuple[FloatArray, FloatArray]:
-    """Return effort without friction (T, nj) and sites' loads (T, sites), computed part by part."""
+    """Return effort without friction (T, nj) and sites' loads (T, sites), by parts."""
     parts = [
         (chunk.effort_frictionless, chunk.normal_load)
         for chunk in inverse_dynamics(scene, motion, chunks=PART)
@@ -237,7 +237,7 @@ def _rigid_columns(scene: Scene, recording: Recording, kept: IntArray) -> FloatA
 
 
 def _regressor(scene: Scene, motion: Trajectory, start: int, stop: int) -> FloatArray:
-    """Columns of the links' inertial parameters at samples from `start` to before `stop`."""
+    """Columns of inertial parameters at samples from `start` to before `stop`."""
     model, P = scene.model, delivery(scene.drives, scene.model.nv)
     data, parts = model.createData(), (x[start:stop] for x in (motion.q, motion.v, motion.a))
     regressors = np.array(
@@ -251,7 +251,7 @@ def _regressor(scene: Scene, motion: Trajectory, start: int, stop: int) -> Float
 
 
 def passed(columns: FloatArray, step: float) -> FloatArray:
-    """Return columns (T, ...) behind the low pass that all share; `step` in s."""
+    """Return columns (T, ...) behind the common low pass; `step` in s."""
     if step * PASS >= 0.45:
         return columns
     if columns.size < _AT_ONCE:
@@ -260,7 +260,7 @@ def passed(columns: FloatArray, step: float) -> FloatArray:
 
 
 def _sliding(recording: Recording, known: BoolArray) -> BoolArray:
-    """(T, nj) where a joint slides and its effort is known, turning points left out."""
+    """(T, nj) where a joint slides with a known effort, turning points left out."""
     step, v = recording.step, recording.velocity
     stands = (np.abs(v) <= recording.slowest) | ~known
     if step * PASS > _COARSE:  # else signs tell the reversals, and these the delay
@@ -272,7 +272,7 @@ def _sliding(recording: Recording, known: BoolArray) -> BoolArray:
 
 
 def _beside(where: BoolArray, step: float) -> BoolArray:
-    """Return (T, nj) where `where` holds, or so near that the low pass carries some of it there."""
+    """Return (T, nj) where `where` holds or reaches through the low pass."""
     reach = int(np.ceil(_BESIDE / (PASS * step)))
     count = np.cumsum(np.pad(where, ((reach + 1, reach), (0, 0)), mode="edge"), axis=0)
     return np.asarray(count[2 * reach + 1 :] - count[: -2 * reach - 1] > 0)
@@ -281,7 +281,7 @@ def _beside(where: BoolArray, step: float) -> BoolArray:
 def settled(prepared: Prepared) -> Prepared:
     """Return a log without the rows in which friction may still build up after a reversal.
 
-    A joint keeps them if they are more than half of its rows.
+    A joint keeps them if they are most of its rows.
     """
     slides = prepared.slides & ~prepared.turns
     few = 2 * slides.sum(axis=0) < prepared.slides.sum(axis=0)
@@ -320,7 +320,7 @@ def with_loads(prepared: Prepared, scene: Scene, inner: FloatArray) -> Prepared:
 
 
 def bearings_only(scene: Scene) -> Scene:
-    """Return the scene with bearings of negligible friction only, which reports their loads."""
+    """Return the scene with bearings of negligible friction, for their loads."""
     return scene.with_(
         friction={
             name: Friction(bearing=entry.bearing, mu=LoadFriction(static=_HARDLY, kinetic=_HARDLY))
@@ -371,7 +371,7 @@ def joint_rows(logs: Sequence[Prepared], joint: int, delay: float) -> Rows:
 
 
 def blocks(t: FloatArray) -> tuple[int, IntArray]:
-    """Return the number of blocks of a log, of 1 to 5 s each, and the block of each sample.
+    """Return the number of blocks of 1 to 5 s of a log, and each sample's block.
 
     A log of more than 1000 s has 200 longer blocks.
     """

@@ -71,7 +71,7 @@ class Delay:
 
     @property
     def disputed(self) -> bool:
-        """Whether it is not determined because joints with small errors do not agree."""
+        """Whether it is not determined because well-known joints disagree."""
         known = sum(error**-2.0 for _, error in self.joints.values())
         return not self.determined and known > _VAGUE**-2.0
 
@@ -153,7 +153,7 @@ def pooled(estimates: Sequence[tuple[float, float]]) -> tuple[float, float]:
 
 
 def other_delays(delay: Delay) -> dict[int, tuple[float, float]]:
-    """Return joint -> (value, standard error), s, of joints whose delay is not the common one."""
+    """Return joint -> (value, standard error), s, where not the common delay."""
     if not delay.joints:
         return {}
     mean, _ = pooled(list(delay.joints.values()))
@@ -167,7 +167,7 @@ def other_delays(delay: Delay) -> dict[int, tuple[float, float]]:
 def log_delay(
     prepared: Prepared, slots: Sequence[Sequence[int]], prior: Prior, start: float
 ) -> LogDelay:
-    """Return the delay of one log's efforts, near `start`, s; an infinite error: nothing slides."""
+    """Return the delay of one log's efforts, near `start`, s; nothing slides: infinite error."""
     if not prepared.slides.any():
         return LogDelay(start, np.inf)
     none = [np.zeros((int(at.sum()), 0)) for at in prepared.slides.T]
@@ -289,7 +289,7 @@ def _with_slopes(
 
 
 def _slope(prepared: Prepared, fit: Fit, joint: int, links: int) -> FloatArray:
-    """Derivative by time of one joint's fitted effort; that of the logged one would be noise."""
+    """Derivative by time of one joint's fitted effort; the logged one's would be noise."""
     from scipy.interpolate import CubicSpline
 
     fitted = (

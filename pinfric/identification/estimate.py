@@ -251,7 +251,7 @@ def _doubt(estimate: Estimate) -> None:
 
 
 def _find_delay(estimate: Estimate, reload: bool = False) -> None:
-    """Find by how much logged efforts lag, by the present laws; `reload` renews the loads first."""
+    """Find by how much efforts lag, by the present laws and perhaps renewed loads."""
     slots = estimate.problem.slots(estimate.choice.laws)
     # what the next fit computes again takes much memory
     estimate.rows, estimate.row_weights, estimate.problem = (
@@ -329,7 +329,7 @@ def _fit(estimate: Estimate, laws: Sequence[Sequence[Law]]) -> None:
 
 
 def _stribeck_choices(estimate: Estimate, joint: int) -> list[list[int]]:
-    """Slots of a joint's friction that may fall from rest to motion: choices to search among."""
+    """Choices of the slots of a joint's friction that may fall from rest to motion."""
     mine = estimate.question.laws.get(estimate.scene.joint_names[joint])
     if mine is not None or estimate.choice.laws[joint].stribeck_slots:
         slots = (mine or estimate.choice.laws[joint]).stribeck_slots
@@ -339,7 +339,7 @@ def _stribeck_choices(estimate: Estimate, joint: int) -> list[list[int]]:
 
 
 def _loads(estimate: Estimate, joint: int) -> bool:
-    """Whether a joint has a bearing, or shows a gear's loss, that may fall from rest to motion."""
+    """Whether a joint's bearing or visible gear loss may fall from rest to motion."""
     rows, entry = (
         estimate.rows[joint],
         estimate.scene.friction.get(estimate.scene.joint_names[joint]),
@@ -353,13 +353,13 @@ def _loads(estimate: Estimate, joint: int) -> bool:
 
 
 def turns(scene: Scene, name: str) -> bool:
-    """Return whether a joint turns, so that the scene can state its gear's loss as a load."""
+    """Return whether a joint turns: only then a scene states its gear's loss as a load."""
     joint = scene.model.joints[scene.joint_names.index(name) + 1]
     return not joint.shortname().startswith("JointModelP")
 
 
 def _shows_gear(estimate: Estimate, joint: int) -> bool:
-    """Whether a joint's load is large enough beside its friction to show its gear's loss."""
+    """Whether a joint's load is large enough beside its friction to show a gear's loss."""
     # friction that was fitted without a gear contains the gear's loss at the mean load
     load = estimate.rows[joint].load
     coulomb = 0.5 * float(estimate.fit.slots[joint, COULOMB].sum())
@@ -367,7 +367,7 @@ def _shows_gear(estimate: Estimate, joint: int) -> bool:
 
 
 def offered(estimate: Estimate, joint: int) -> tuple[Law, ...]:
-    """Return the laws that one joint's data can tell apart, by the present estimate."""
+    """Return the laws that one joint's data can tell apart, by the estimate."""
     scene, rows = estimate.scene, estimate.rows[joint]
     name = scene.joint_names[joint]
     if name in estimate.question.laws:
@@ -420,7 +420,7 @@ def _at_an_end(problem: Problem, choice: Choice, fit: Fit, scale: bool) -> list[
 
 
 def reloaded(estimate: Estimate, prepared: Prepared, scene: Scene | None = None) -> Prepared:
-    """Return a log's columns with loads by the present estimate, or with another scene's links."""
+    """Return a log's columns with loads by the estimate, or by another scene's links."""
     v = prepared.recording.velocity
     inner = np.zeros_like(v)
     for j, values in enumerate(estimate.fit.slots):

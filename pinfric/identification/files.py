@@ -56,7 +56,7 @@ table: posterior.csv
 
 
 def posterior_text(findings: Findings) -> str:
-    """Return the draws as a table for a sweep: factors on the scene's values, but efficiencies."""
+    """Return the draws as a sweep's table: factors on the scene's values, but efficiencies."""
     values = {p.key: p.value for p in findings.parameters}
     for key in findings.posterior:  # one way only was logged, and its friction taken for the other
         head, _, direction = key.rpartition(".")
@@ -72,7 +72,7 @@ def posterior_text(findings: Findings) -> str:
 
 
 def scene_text(findings: Findings, robot: Robot, folder: Path) -> str:
-    """Return the identified scene as a commented file that will stand in `folder`."""
+    """Return the identified scene as a commented file in `folder`."""
     content = scene_content(
         findings.scene, robot, folder, "" if findings.keeps_inertias else _ROBOT
     )

@@ -37,7 +37,7 @@ class HeldOut:
     @property
     @derived(heading="times that\nof Coulomb\n+ viscous", cell="{of_plain:.2f}")
     def of_plain(self) -> float:
-        """The error over that with Coulomb and viscous friction; NaN where it was not asked."""
+        """The error over that with Coulomb and viscous friction; NaN where not computed."""
         return self.error / self.plain if self.plain else float("nan")
 
 
@@ -91,5 +91,5 @@ class Findings:
         return advise(self.estimate)
 
     def law_of(self, joint: str) -> str:
-        """Return a joint's law in words; "not explained" where the model says nothing of it."""
+        """Return a joint's law in words; "not explained" where it has none."""
         return str(self.laws.get(joint, "not explained"))

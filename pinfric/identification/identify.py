@@ -151,7 +151,7 @@ def identify(
 
 
 def _fits(estimate: Estimate) -> list[Fit]:
-    """The fit of all logs, and of each log alone with the same laws; a hold has none of its own."""
+    """The fit of all logs, and of each log alone with the same laws (a hold has none)."""
     problem, log_of = estimate.problem, np.full(estimate.problem.folds.size, -1)
     for rows in estimate.rows:
         log_of[rows.block] = rows.log
@@ -201,7 +201,7 @@ def _identified(estimate: Estimate, unseen: Sequence[Recording], seed: int) -> I
 
 
 def beside_measured(identified: Identified, log: int = 0) -> tuple[InverseResult, JudgedLog]:
-    """Return the identified scene's efforts along a log, and the log's own compared with them."""
+    """Return the identified scene's efforts along a log, and the log's own beside them."""
     recording = identified.recordings[log]
     result = inverse_dynamics(identified.scene, recording.trajectory)
     at = identified.estimate.question.at
@@ -221,7 +221,7 @@ def left_over(identified: Identified, joint: int) -> tuple[np.ndarray, np.ndarra
 
 
 def running_mean(x: np.ndarray, y: np.ndarray, parts: int = 12) -> tuple[np.ndarray, np.ndarray]:
-    """Return means of x and of y over `parts` groups of equal size, in the order of x."""
+    """Return means of x and y over `parts` groups of equal size, in the order of x."""
     order = [indices for indices in np.array_split(np.argsort(x), parts) if indices.size]
     return np.array([x[k].mean() for k in order]), np.array([y[k].mean() for k in order])
 

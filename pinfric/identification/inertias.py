@@ -50,15 +50,12 @@ def urdf_prior(model: pin.Model, kept: bool) -> Prior:
 
 
 def parameters(model: pin.Model) -> FloatArray:
-    """Return the links' parameters, 10 each: m, m c, Ixx, Ixy, Iyy, Ixz, Iyz, Izz at the joint."""
+    """Return 10 parameters of each link: m, m c, Ixx, Ixy, Iyy, Ixz, Iyz, Izz at the joint."""
     return np.concatenate([inertia.toDynamicParameters() for inertia in model.inertias[1:]])
 
 
 def mass_changes(model: pin.Model, theta: FloatArray) -> FloatArray:
-    """Return the change of each link's mass, (nj,), as a share of it.
-
-    Of a link much lighter than the heaviest one, as a share of a larger mass.
-    """
+    """Return the relative change of each link's mass, (nj,); of light links of a larger mass."""
     before, after = (values.reshape(-1, 10)[:, 0] for values in (parameters(model), theta))
     return np.asarray((after - before) / np.maximum(before, _LIGHTEST * before.max()))
 

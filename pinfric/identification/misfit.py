@@ -84,7 +84,7 @@ class _Track:
 
 
 def misfits(estimate: Estimate) -> tuple[Misfit, ...]:
-    """Return the shapes that residuals have, joint by joint, the largest of each joint first."""
+    """Return the shapes of residuals, joint by joint, the largest of each first."""
     presses = [_presses(estimate, one) for one in estimate.prepared]
     return tuple(
         one for j in estimate.known for one in _of_joint(estimate, j, _track(estimate, j, presses))
@@ -154,7 +154,7 @@ def _beyond(own: FloatArray, basis: FloatArray) -> tuple[FloatArray, FloatArray]
 
 
 def chance(sums: FloatArray) -> float:
-    """Return the probability of sums (N, m) at least this far from zero if their mean is zero."""
+    """Return the probability of sums (N, m) so far from zero if their mean is zero."""
     from scipy.special import fdtrc
 
     (count, m), total = sums.shape, sums.sum(axis=0)
@@ -244,7 +244,7 @@ def _shapes(estimate: Estimate, joint: int, track: _Track) -> Iterator[tuple[str
 
 
 def _by_angle(estimate: Estimate, joint: int, track: _Track) -> Iterator[tuple[str, FloatArray]]:
-    """Yield shapes over the angle or travel of the joint, and over the angle of its motor."""
+    """Yield shapes over the angle or travel of a joint, and over its motor's angle."""
     drive, sign = estimate.scene.drives[joint], np.sign(track.v)
     turning = turns(estimate.scene, estimate.scene.joint_names[joint])
     low, high = float(track.q.min()), float(track.q.max())
@@ -267,6 +267,6 @@ def _by_angle(estimate: Estimate, joint: int, track: _Track) -> Iterator[tuple[s
 
 
 def _hats(x: FloatArray, quantiles: Sequence[float]) -> FloatArray:
-    """Piecewise linear functions with knots at quantiles, which sum up to one."""
+    """Piecewise linear functions with knots at quantiles, whose sum is one."""
     knots = np.unique(np.quantile(x, quantiles))
     return np.column_stack([np.interp(x, knots, row) for row in np.eye(knots.size)])

@@ -139,7 +139,7 @@ class Normal:
 
 
 class FrictionNormalEquations:
-    """Normal equations without theta: what a law's coefficients cost beside the best theta."""
+    """Normal equations without theta: the cost of coefficients beside the best theta."""
 
     def __init__(self, normal: Normal, prior: Prior) -> None:
         self.by_slots: FloatArray = np.zeros_like(normal.cross)
@@ -159,7 +159,7 @@ class FrictionNormalEquations:
         self.right = normal.right_slots - normal.cross.T @ self.start
 
     def fit(self, chosen: Sequence[Sequence[int]]) -> Fit:
-        """Return the estimate in which joint j has the slots `chosen[j]`, all of them >= 0."""
+        """Return the estimate with slots `chosen[j]` of joint j, all >= 0."""
         place = places(chosen)
         x = np.zeros(self.right.size)
         x[place] = non_negative(self.left[np.ix_(place, place)], self.right[place])
@@ -216,7 +216,7 @@ def gram(columns: FloatArray, weight: FloatArray) -> FloatArray:
 
 
 def orthonormal(columns: FloatArray) -> FloatArray:
-    """Return orthonormal columns (n, r) that span the given ones (n, m), which may be dependent."""
+    """Return orthonormal columns (n, r) that span given ones (n, m), dependent or not."""
     size = np.linalg.norm(columns, axis=0)
     scaled = columns[:, size > 0.0] / size[size > 0.0]
     if not scaled.size:
@@ -248,7 +248,7 @@ def _times(columns: FloatArray, small: FloatArray) -> FloatArray:
 
 
 def _rows_alone(m: int, k: int) -> int:
-    """Rows of a product of (., m) and (m, k) or (., k) that BLAS makes in one thread."""
+    """Rows of a product with m k numbers each that BLAS makes in one thread."""
     return max(1, _ALONE // max(1, m * k))
 
 
@@ -261,7 +261,7 @@ def places(chosen: Sequence[Sequence[int]]) -> IntArray:
 
 
 def above_zero(fit: Fit, chosen: Sequence[Sequence[int]]) -> IntArray:
-    """Return the places among (nj K,) of the chosen coefficients that are not zero."""
+    """Return the places among (nj K,) of chosen coefficients that are not zero."""
     place = places(chosen)
     return place[fit.slots.ravel()[place] > 0.0]
 
@@ -308,7 +308,7 @@ def non_negative(left: FloatArray, right: FloatArray) -> FloatArray:
 
 
 def residuals(rows: Rows, fit: Fit, joint: int) -> FloatArray:
-    """Return measured less fitted effort of one joint's rows, (n,) N m or N."""
+    """Return measured less fitted effort of a joint's rows, (n,) N m or N."""
     fitted = np.einsum("ni,i->n", rows.rigid, fit.theta)
     return rows.effort - fitted - np.einsum("ni,i->n", rows.slots, fit.slots[joint])
 

@@ -1,4 +1,4 @@
-"""Notes on an identification: how logs were read, and what they do not determine."""
+"""Notes on an identification: how logs were read, what they do not determine."""
 
 from __future__ import annotations
 
@@ -139,7 +139,7 @@ def notes(
 
 
 def _frictionless(rows: Rows, off: FloatArray, slots: FloatArray) -> bool:
-    """Whether the links and the rotor alone make a joint's effort, but for its residuals."""
+    """Whether links and rotor alone make a joint's effort, but for residuals."""
     friction = rows.slots @ np.where(np.arange(K) == INERTIA, 0.0, slots)
     size = rows.effort @ rows.effort
     return bool(friction @ friction < _LEAST_FRICTION**2 * size and off @ off < _MISSED**2 * size)
@@ -150,7 +150,7 @@ def _by_joint(what: Mapping[str, list[str]]) -> list[str]:
 
 
 def _misfits(estimate: Estimate, shapes: Sequence[Misfit]) -> list[str]:
-    """What each joint's law does not describe, and what may cause it."""
+    """What each joint's law does not describe, with possible causes."""
     lines = []
     for j in sorted({shape.joint for shape in shapes}):
         unit = effort_unit(estimate.scene, j)
@@ -167,7 +167,7 @@ def _misfits(estimate: Estimate, shapes: Sequence[Misfit]) -> list[str]:
 
 
 def _uneven(estimate: Estimate, halves: Mapping[int, float]) -> list[str]:
-    """Joints whose friction differs so much by direction that a sensor may have an offset."""
+    """Joints whose friction differs by direction as with an offset of a sensor."""
     lines = []
     for j, half in halves.items():
         unit = effort_unit(estimate.scene, j)
@@ -181,7 +181,7 @@ def _uneven(estimate: Estimate, halves: Mapping[int, float]) -> list[str]:
 
 
 def _open_exponents(estimate: Estimate) -> list[str]:
-    """Joints whose logs admit several exponents of the fall from rest to motion."""
+    """Joints whose logs admit several Stribeck exponents."""
     joints = zip(estimate.scene.joint_names, estimate.stribeck, estimate.choice.laws, strict=False)
     each = [
         f"{name} {', '.join(f'{n:g}' for n in sorted([stribeck.exponent, *others]))}"
@@ -199,7 +199,7 @@ def _open_exponents(estimate: Estimate) -> list[str]:
 
 
 def _of_links(estimate: Estimate) -> dict[str, list[str]]:
-    """What contradicts the links: free ones predict better, masses are far from the URDF's."""
+    """What contradicts the links: free ones predict better, or masses have changed much."""
     names, (own, _) = estimate.scene.joint_names, estimate.errors
     free = free_errors(estimate.problem, estimate.rows)
     changes = mass_changes(estimate.question.scene.model, estimate.fit.theta)
@@ -222,7 +222,7 @@ def _of_links(estimate: Estimate) -> dict[str, list[str]]:
 
 
 def _of_logs(estimate: Estimate) -> list[str]:
-    """What one log does not show, and what several say of the delay."""
+    """What a single log does not show, and what several say of the delay."""
     delay, lines = estimate.delay, []
     moving = [log.slides.any() for log in estimate.prepared]
     still = [
@@ -268,7 +268,7 @@ def _of_logs(estimate: Estimate) -> list[str]:
 
 
 def _delays(estimate: Estimate) -> list[str]:
-    """Say that the delay's search failed, or which explained joints have another delay."""
+    """That the delay's search failed, or which explained joints differ."""
     names = estimate.scene.joint_names
     if np.isinf(estimate.delay.standard_error):
         return [
@@ -290,7 +290,7 @@ def _delays(estimate: Estimate) -> list[str]:
 
 
 def _of_masses(estimate: Estimate) -> list[str]:
-    """How far the links' masses have moved from the URDF's, and what that may mean."""
+    """How far the links' masses have moved from the URDF's."""
     if estimate.question.no_gravity:
         return []
     if estimate.question.keep_inertias:

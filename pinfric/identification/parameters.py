@@ -89,7 +89,7 @@ class Parameter:
 
 
 def on_motor(law: Law) -> bool:
-    """Whether a drive's friction sits before its gear, on the motor's shaft."""
+    """Whether friction acts before the gear, on the motor's shaft."""
     return law.side == "motor"
 
 
@@ -259,7 +259,7 @@ def identified_scene(estimate: Estimate, static: Mapping[tuple[int, int], BreakA
 def _entries(
     estimate: Estimate, joint: int, static: Mapping[tuple[int, int], BreakAway]
 ) -> tuple[dict[str, Any], dict[str, Any]]:
-    """A joint's entry of `friction`, and the losses of its drive, as a scene file has them."""
+    """A joint's friction entry and its drive's losses, as a scene file has them."""
     scene, law, fitted = estimate.scene, estimate.choice.laws[joint], estimate.fit.slots[joint]
     friction: dict[str, Any] = {}
     gear: dict[str, Any] = {}
@@ -306,7 +306,7 @@ def _entries(
 
 
 def _rest_excess(rows: Rows, law: Law, slots: FloatArray) -> float:
-    """By how much friction at rest exceeds Coulomb friction: k v^p at the slowest speed v."""
+    """Friction at rest less Coulomb friction: k v^p at the slowest speed v."""
     if law.exponent is None or law.exponent >= 1.0:
         return 0.0
     slowest = STILL
@@ -316,5 +316,5 @@ def _rest_excess(rows: Rows, law: Law, slots: FloatArray) -> float:
 
 
 def _rounded(value: float) -> float:
-    """Six digits: more than any log tells, and as many as a file should print."""
+    """Six digits: more than any log tells."""
     return float(f"{value:.6g}")

@@ -1,4 +1,4 @@
-"""Logs as identification sees them: motion and measured effort, one column per joint."""
+"""Logs as identification sees them: motion and effort, one column per joint."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ class Recording:
 
     @property
     def unclear(self) -> FloatArray:
-        """(nv,) speed up to which noise alone may move a drive that stands, rad/s or m/s."""
+        """(nv,) speed up to which noise may move a drive that stands, rad/s or m/s."""
         return np.asarray(_CLEAR * self.noise)
 
     @property
@@ -84,7 +84,7 @@ class Recording:
         effort: FloatArray,
         noise: FloatArray,
     ) -> Recording:
-        """Return a recording with the velocities and accelerations of the scene's drives."""
+        """Return a recording with the drives' velocities and accelerations."""
         v, a = trajectory.v, trajectory.a
         if not np.array_equal(rate_rows(scene.drives, scene.model.nv), np.eye(scene.model.nv)):
             v, a = (drive_rates(scene.drives, x, x[:, :0]) for x in (v, a))
@@ -224,7 +224,7 @@ def _read(
 def _thinned(
     trajectory: Trajectory, effort: FloatArray, step: float
 ) -> tuple[Trajectory, FloatArray]:
-    """Thin a motion that was not filtered when it was read, and so not thinned there."""
+    """Thin a motion that reading neither filtered nor thinned."""
     stride = _THINNING.every(step)
     a = np.column_stack([_THINNING.acceleration(x, step)[::stride] for x in trajectory.a.T])
     fewer = np.column_stack([_THINNING.effort(x, step)[::stride] for x in effort.T])

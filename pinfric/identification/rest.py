@@ -56,7 +56,7 @@ class RestBound:
 
 
 def rest_bounds(estimate: Estimate, scene: Scene) -> tuple[RestBound, ...]:
-    """Return for each joint what its holds show, by the identified scene: lower bounds only."""
+    """Return what each joint's holds show of the identified scene: lower bounds."""
     nj = scene.model.nv
     seconds, largest, share, inside, outside = np.zeros((5, nj))
     noise = np.maximum(estimate.problem.weights, 1e-300) ** -0.5  # what the fit leaves
@@ -93,7 +93,7 @@ def rest_bounds(estimate: Estimate, scene: Scene) -> tuple[RestBound, ...]:
 
 
 def _held(recording: Recording, stick: float) -> BoolArray:
-    """(T, nv) where a drive rests or is no faster than `stick`, in holds that have settled."""
+    """(T, nv) where a drive rests or creeps below `stick`, in settled holds."""
     held, end = np.zeros_like(recording.rests), len(recording.rests) - 1
     settles, departs = (round(span / recording.step) for span in (_SETTLES, _DEPARTS))
     for j, v in enumerate(recording.velocity.T):
@@ -106,7 +106,7 @@ def _held(recording: Recording, stick: float) -> BoolArray:
 
 @dataclass(frozen=True)
 class BreakAway:
-    """Friction at which a joint left rest in one direction, N m or N: mean and 95 % interval."""
+    """Friction at which a joint left rest in one direction, N m or N, with its 95 % interval."""
 
     mean: float
     low: float
@@ -117,7 +117,7 @@ class BreakAway:
 def break_aways(estimate: Estimate) -> dict[tuple[int, int], BreakAway]:
     """Return joint, FORWARD or BACKWARD -> static friction, where three departures or more show it.
 
-    Joints with a bearing in their law are left out: its load is part of what holds them.
+    Not of joints with a bearing in their law: its load is part of what holds them.
     """
     from scipy.special import stdtrit
 
@@ -137,7 +137,7 @@ def break_aways(estimate: Estimate) -> dict[tuple[int, int], BreakAway]:
 
 
 def _peaks(estimate: Estimate, prepared: Prepared, joint: int) -> Iterator[tuple[int, float]]:
-    """Yield direction and largest friction of each departure that was slow enough."""
+    """Yield direction and largest friction of each slow departure."""
     recording, rigid = prepared.recording, prepared.load[:, joint]
     t, step, v = recording.trajectory.t, recording.step, recording.velocity[:, joint]
     effort = np.where(np.isfinite(recording.effort[:, joint]), recording.effort[:, joint], rigid)
@@ -163,7 +163,7 @@ def _peaks(estimate: Estimate, prepared: Prepared, joint: int) -> Iterator[tuple
 def _friction(
     estimate: Estimate, joint: int, sign: float, effort: FloatArray, rigid: FloatArray
 ) -> FloatArray:
-    """The friction that holds, sign (effort - rigid), the gear's losses taken out of the effort."""
+    """Friction that holds, sign (effort - rigid), without the gear's losses."""
     law, slots = estimate.choice.laws[joint], estimate.fit.slots[joint]
     driving, driven, both = (
         float(slots[GEARS[law.side, direction]]) for direction in ("driving", "driven", "both")

@@ -90,7 +90,7 @@ def find_stribeck(
     choices = [[_PARTS.index(slot) for slot in part] for part in parts]
 
     def fitted(columns: FloatArray) -> tuple[float, FloatArray, FloatArray]:
-        """By how much the best choice reduces squares; its coefficients; what it fits."""
+        """How much the best choice reduces squares, its coefficients, what it fits."""
         own = columns * root
         own = own - basis @ (basis.T @ own)
         best = 0.0, np.zeros(len(_PARTS)), np.zeros(len(own))
@@ -139,7 +139,7 @@ def find_stribeck(
 def beside_other(
     prepared: Sequence[Prepared], joint: int, stribeck: StribeckFit, other: StribeckFit
 ) -> FloatArray:
-    """Return (n,) by how much more friction a fit with another exponent gives at a joint's rows."""
+    """Return (n,) how much more friction another exponent's fit gives at a joint's rows."""
     present, changed = (
         _passed(prepared, joint, fit.velocity, fit.exponent) @ fit.excess
         for fit in (stribeck, other)
@@ -148,7 +148,7 @@ def beside_other(
 
 
 def with_stribeck(prepared: Prepared, fits: tuple[StribeckFit | None, ...]) -> Prepared:
-    """Return a log's columns with those of Stribeck friction, by each joint's fit."""
+    """Return a log's columns with those of Stribeck friction, by joint."""
     recording, slots = prepared.recording, prepared.slots.copy()
     at = [*_PARTS, STRIBECK_VELOCITY]
     for j, stribeck in enumerate(fits):
@@ -164,7 +164,7 @@ def with_stribeck(prepared: Prepared, fits: tuple[StribeckFit | None, ...]) -> P
 
 
 def _ways(v: FloatArray, load: FloatArray, velocity: float, exponent: float) -> FloatArray:
-    """Columns (n, 3) of the excess at speeds v: forward, backward, of the load's coefficient."""
+    """Columns (n, 3) of the excess at v: forward, backward, of the load's coefficient."""
     decay = stribeck_decay(v, velocity, exponent)
     return np.column_stack((decay * (v > 0.0), -decay * (v < 0.0), decay * load * np.sign(v)))
 
@@ -192,5 +192,5 @@ def _low_passed(prepared: Prepared, columns: FloatArray) -> FloatArray:
 
 
 def stribeck_decay(v: FloatArray, velocity: float, exponent: float) -> FloatArray:
-    """Return exp(-(|v|/v_s)^n), what is left of the excess at rest; speeds in rad/s or m/s."""
+    """Return exp(-(|v|/v_s)^n), what is left of the excess at rest (rad/s or m/s)."""
     return np.exp(-(np.abs(v / velocity) ** exponent))

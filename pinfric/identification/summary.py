@@ -149,7 +149,7 @@ def identify_summary(findings: Findings) -> IdentifySummary:
 
 
 def predicted(summary: IdentifySummary) -> list[Predicted]:
-    """Return the errors of the logs that were only predicted, a row each."""
+    """Return the errors of the logs that were only predicted, by row."""
     units = {joint.name: joint.unit for joint in summary.joints}
     return [
         Predicted(log, name, units.get(name, ""), error)
@@ -159,7 +159,7 @@ def predicted(summary: IdentifySummary) -> list[Predicted]:
 
 
 def considered(findings: Findings, joint: int) -> list[Considered]:
-    """Return the laws that were considered for a joint, the best first."""
+    """Return the laws considered for a joint, the best first."""
     errors, unit = findings.estimate.choice.errors[joint], effort_unit(findings.scene, joint)
     plain = errors.get(PLAIN, float("nan"))
     return [

@@ -190,7 +190,7 @@ def bias(estimate: Estimate, shapes: Sequence[Misfit], place: IntArray) -> Float
 
 
 def _left(estimate: Estimate, place: IntArray) -> FloatArray:
-    """(p + n, p + n) the left side of the estimate's normal equations."""
+    """(p + n, p + n) left side of the estimate's normal equations."""
     problem, p = estimate.problem, estimate.fit.theta.size
     normal = problem.normal()
     cross = normal.cross[:, place]
@@ -243,7 +243,7 @@ def _other_exponents(estimate: Estimate, place: IntArray) -> Iterator[FloatArray
 
 
 def _other_loads(estimate: Estimate, place: IntArray) -> Iterator[FloatArray]:
-    """Yield (n,) the changes of the coefficients with each other load that is not ruled out."""
+    """Yield (n,) changes of the coefficients with each load that is not ruled out."""
     problem, laws = estimate.problem, list(estimate.choice.laws)
     equations = FrictionNormalEquations(problem.normal(), problem.prior)
 
@@ -285,7 +285,7 @@ def for_a_further_log(estimate: Estimate, place: IntArray) -> tuple[FloatArray, 
 
 
 def _uncertain(estimate: Estimate) -> IntArray:
-    """Places among (nj K,) of coefficients above zero and of the speeds of Stribeck friction."""
+    """Places among (nj K,) of coefficients above zero and of Stribeck velocities."""
     place = above_zero(estimate.fit, estimate.problem.slots(estimate.choice.laws))
     velocities = [
         j * K + STRIBECK_VELOCITY
@@ -315,7 +315,7 @@ def _feedback(estimate: Estimate, place: IntArray) -> FloatArray:
 
 
 def _load_slopes(estimate: Estimate, joint: int, slot: int) -> FloatArray | None:
-    """Derivatives (rows, p + K) of a load's column by theta and slots; None: it has no load."""
+    """Derivatives (rows, p + K) of a load's column by theta and slots; None: no load."""
     rows = estimate.rows[joint]
     none = np.zeros_like(rows.slots)
     if estimate.question.no_gravity:  # then loads are the URDF's
@@ -343,7 +343,7 @@ def _load_slopes(estimate: Estimate, joint: int, slot: int) -> FloatArray | None
 
 
 def _bearing_slopes(estimate: Estimate, prepared: Prepared, joint: int) -> FloatArray:
-    """Derivatives (rows, p) of a bearing's column in one log by the parameters of its links."""
+    """Derivatives (rows, p) of a bearing's column in one log by the carried links."""
     scene, motion = estimate.scene, prepared.recording.trajectory
     at = prepared.kept[prepared.slides[:, joint]]
     if not at.size:  # it stands still in this log
@@ -379,7 +379,7 @@ def between_logs(estimate: Estimate) -> FloatArray:
 
 
 def _log_factors(estimate: Estimate, joint: int) -> tuple[list[float], list[float]]:
-    """Each log's factor on the fitted friction, and its variance by the log's blocks."""
+    """Each log's factor on friction, and its variance by the log's blocks."""
     rows, factors, noise = estimate.rows[joint], [], []
     values = np.where(np.arange(K) == INERTIA, 0.0, estimate.fit.slots[joint])
     friction, off = rows.slots @ values, residuals(rows, estimate.fit, joint)

@@ -54,7 +54,7 @@ def find_holds(position: ArrayLike, resolution: float = 0.0) -> list[tuple[int, 
 
 
 def _still_runs(q: FloatArray, tolerance: float) -> Iterator[tuple[int, int]]:
-    """Yield maximal runs of samples that all lie within one band of the tolerance's width."""
+    """Yield maximal runs of samples within one band of the tolerance's width."""
     for first, final in runs(np.abs(np.diff(q)) <= tolerance):
         last = final + 1  # of samples; runs are of the steps between them
         while first < last:
@@ -64,7 +64,7 @@ def _still_runs(q: FloatArray, tolerance: float) -> Iterator[tuple[int, int]]:
 
 
 def _end_of_band(q: FloatArray, first: int, last: int, tolerance: float) -> int:
-    """Return the last sample up to which q[first:] stays within one band."""
+    """Return the last sample up to which q[first:] stays in one band."""
     size = 64
     while True:
         window = q[first : min(first + size, last + 1)]
@@ -76,7 +76,7 @@ def _end_of_band(q: FloatArray, first: int, last: int, tolerance: float) -> int:
 
 
 def _is_left_quickly(q: FloatArray, first: int, last: int, departure: float) -> bool:
-    """Whether the joint is `departure` away within half the run's length, at both ends."""
+    """Whether the joint is `departure` away within half the run, at both ends."""
     level = 0.5 * (q[first : last + 1].min() + q[first : last + 1].max())
     half = (last - first) // 2
     before = q[max(first - half, 0) : first]
@@ -106,7 +106,7 @@ def position_derivatives(
 def velocity_derivative(
     t: ArrayLike, velocity: ArrayLike, holds: Sequence[tuple[int, int]]
 ) -> FloatArray:
-    """Return the acceleration of one joint from its velocities, by the same pieces and splines."""
+    """Return one joint's acceleration from its velocities, by the same splines."""
     times, v = np.asarray(t, dtype=np.float64), np.asarray(velocity, dtype=np.float64)
     a = np.zeros_like(v)
     for piece, left, right in _moving_pieces(v.size, holds):
@@ -129,7 +129,7 @@ def acceleration_noise(t: ArrayLike, resolution: float) -> float:
 def _moving_pieces(
     count: int, holds: Sequence[tuple[int, int]]
 ) -> Iterator[tuple[slice, bool, bool]]:
-    """Yield the samples between holds, hold ends included, and which ends touch a hold."""
+    """Yield the samples between holds, ends included, and which ends touch a hold."""
     start, left = 0, False
     for first, last in holds:
         if first > start:

@@ -1,4 +1,4 @@
-"""Limits of mimic followers: a file has no column for them, and Pinocchio forgets their limits."""
+"""Limits of mimic followers: files have no column for them, and Pinocchio forgets them."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from pinfric.motions.joint_columns import (
 
 @dataclass(frozen=True)
 class Follower:
-    """A mimic joint: its position is ratio * leader's + shift; `column` has the URDF's limits."""
+    """A mimic joint at ratio * leader's position + shift; `column` has the URDF's limits."""
 
     column: JointColumn
     leader: JointColumn
@@ -34,7 +34,7 @@ class Follower:
 
 
 def find_followers(scene: Any, columns: Sequence[JointColumn]) -> tuple[Follower, ...]:
-    """Return the mimic followers; none without a URDF, which alone has their limits."""
+    """Return the mimic followers; none without a URDF, which has their limits."""
     robot, model = getattr(scene, "robot", None), scene.model
     if robot is None or not len(model.mimicking_joints):
         return ()
@@ -58,7 +58,7 @@ def follower_problems(
 ) -> list[str]:
     """Return one line per follower and side on which it passes a position limit.
 
-    `position` (T, nj) rad or m is that of the joints in `columns`, at times t (T,) s.
+    `position`: (T, nj) rad or m of `columns` at t (T,) s.
     """
     led = position[:, [list(columns).index(follower.leader) for follower in followers]]
     moved = led * [f.ratio for f in followers] + [f.shift for f in followers]
@@ -68,14 +68,14 @@ def follower_problems(
 def follower_warnings(
     followers: Sequence[Follower], t: FloatArray, velocity: FloatArray
 ) -> list[str]:
-    """Return one line per follower that is faster than its limit; `velocity`: (T, nv)."""
+    """Return one line per follower that is too fast; `velocity`: (T, nv)."""
     led = velocity[:, [follower.leader.index_v for follower in followers]]
     columns = [follower.column for follower in followers]
     return velocity_warnings(columns, t, led * [follower.ratio for follower in followers])
 
 
 def _urdf_limits(robot: Any) -> dict[str, JointColumn]:
-    """Limits of a URDF's joints by name; the file was checked when it was read."""
+    """Limits of a URDF's joints by name."""
     limits = {}
     for joint in robot.xml().findall("joint"):
         name, kind, limit = joint.get("name", ""), joint.get("type"), joint.find("limit")

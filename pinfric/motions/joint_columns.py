@@ -72,24 +72,21 @@ def _joint_column(model: pin.Model, name: str, joint: Any) -> JointColumn:
 
 
 def stated_range(low: float, high: float) -> tuple[float, float]:
-    """Return a joint's limits, infinite where none was stated: a URDF's then read as 0 to 0."""
+    """Return a joint's limits, infinite if none is stated (a URDF's read as 0 to 0)."""
     if low > high or low == high == 0.0:
         return -np.inf, np.inf
     return (low if low > -_UNLIMITED else -np.inf), (high if high < _UNLIMITED else np.inf)
 
 
 def stated_limit(limit: float) -> float:
-    """Return a speed or effort limit, infinite where none was stated (0, or Pinocchio's most)."""
+    """Return a speed or effort limit, infinite if none is stated (0, or the largest float)."""
     return limit if 0.0 < limit < _UNLIMITED else np.inf
 
 
 def limit_problems(
     columns: Sequence[JointColumn], t: FloatArray, position: FloatArray
 ) -> list[str]:
-    """Return one line per joint and side on which positions pass a limit: value, limit, time.
-
-    What is not finite is passed over.
-    """
+    """Return one line per joint and side on which finite positions pass a limit."""
     problems: list[str] = []
     for index, column in enumerate(columns):
         q = np.where(np.isfinite(position[:, index]), position[:, index], np.nan)
@@ -111,7 +108,7 @@ def limit_problems(
 def velocity_warnings(
     columns: Sequence[JointColumn], t: FloatArray, velocity: FloatArray
 ) -> list[str]:
-    """Return one line per joint whose velocity exceeds its limit: peak, limit, first time."""
+    """Return one line per joint that is faster than its limit."""
     warnings = []
     for column in columns:
         speed = np.abs(velocity[:, column.index_v])
@@ -126,7 +123,7 @@ def velocity_warnings(
 
 
 def configurations(columns: Sequence[JointColumn], position: FloatArray, nq: int) -> FloatArray:
-    """Return Pinocchio's q (T, nq) from one number per joint: cos, sin where it is continuous."""
+    """Return Pinocchio's q (T, nq) from one number per joint: cos, sin where continuous."""
     q = np.zeros((position.shape[0], nq))
     for index, column in enumerate(columns):
         q[:, column.index_q] = position[:, index]
@@ -151,7 +148,7 @@ def single_positions(q: FloatArray, joint_nq: Sequence[int]) -> FloatArray:
 
 
 def unit_circle_problems(columns: Sequence[JointColumn], q: FloatArray) -> list[str]:
-    """Return one line per continuous joint whose two entries of q are not a cosine and a sine."""
+    """Return one line per continuous joint whose entries of q are no cosine and sine."""
     problems = []
     for column in columns:
         if column.nq == 2:
@@ -166,13 +163,13 @@ def unit_circle_problems(columns: Sequence[JointColumn], q: FloatArray) -> list[
 
 
 def refuse(source: str, problems: Sequence[str]) -> None:
-    """Raise a TrajectoryError with all problems in one message, if there are any."""
+    """Raise a TrajectoryError with all problems in one message, if any."""
     if problems:
         raise TrajectoryError(problems_line(source, problems))
 
 
 def listing(items: Iterable[object], limit: int = 10) -> str:
-    """Return the items separated by commas, at most `limit` of them and how many there are."""
+    """Return the items separated by commas, at most `limit`, and how many there are."""
     texts = [str(item) for item in items]
     shown = ", ".join(texts[:limit])
     return shown if len(texts) <= limit else f"{shown}, ... ({len(texts)} in all)"

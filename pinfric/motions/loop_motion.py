@@ -95,7 +95,7 @@ def _closed(
     q: FloatArray,
     warnings: list[str],
 ) -> FloatArray:
-    """Return q (T, nq) with loops closed by moving dependent joints; unchanged if that is much."""
+    """Return q (T, nq) with loops closed by dependent joints; unchanged if by much."""
     linkage, twin = scene.linkage, scene.twin()
     assert linkage is not None
     held = np.zeros(twin.nv, dtype=bool)

@@ -122,7 +122,7 @@ class Rated:
     lifts: tuple[Lift, ...]
 
     def parts(self) -> Iterator[tuple[Lift | None, tuple[WayPoint, ...]]]:
-        """Yield each posture's hold (None), then the moves of its joints, as way-points."""
+        """Yield each posture's hold (None), then its joints' moves, as way-points."""
         for k, posture in enumerate(self.postures):
             yield None, (_point(posture, hold=_HOLD),)
             for lift in self.lifts:
@@ -401,7 +401,7 @@ class Arm:
         value: Callable[[FloatArray], FloatArray],
         best: FloatArray,
     ) -> FloatArray:
-        """Return a posture (nj,), to four digits, with 0 where a joint makes no difference."""
+        """Return a posture (nj,) to four digits, with 0 where a joint does not matter."""
         least = np.minimum(value(position[None])[0], best) * (1 - 1e-9)
         for k in range(len(position)):
             other = position.copy()
@@ -432,7 +432,7 @@ def _check_open(scene: Scene) -> None:
 
 
 def _last_link(scene: Scene) -> str:
-    """The scene's tool; else the last link, or `tool0` of several that end the robot together."""
+    """The scene's tool; else the last link, or `tool0` of several that end the robot."""
     if scene.tool is not None:
         return scene.tool
     model = scene.model

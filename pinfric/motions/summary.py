@@ -1,4 +1,4 @@
-"""The figures of a result that size a drive: peak, RMS, and how much of them is friction."""
+"""The figures of a result that size a drive: peak, RMS, and share of friction."""
 
 from __future__ import annotations
 
@@ -119,7 +119,7 @@ def _summarize(result: InverseResult, t: np.ndarray, i: int) -> ActuatorSummary:
 
 
 def beyond_limits(result: InverseResult) -> tuple[str, ...]:
-    """Return in words the drives of joints whose efforts pass the limit that the URDF states."""
+    """Return in words the drives whose efforts pass the URDF's limit."""
     limits, lines = np.asarray(result.scene.model.effortLimit, dtype=np.float64), []
     for i, drive in enumerate(result.scene.drives):
         if drive.velocity_index < 0:
@@ -173,7 +173,7 @@ def payload_phases(result: InverseResult) -> dict[str, list[tuple[float, float]]
 
 
 def rms(t: np.ndarray, x: np.ndarray) -> float:
-    """Return sqrt(1/T int x^2 dt) by the trapezoidal rule over t (T,) s; |x| of a single sample."""
+    """Return sqrt(1/T int x^2 dt) by the trapezoidal rule, t (T,) s; |x| of one sample."""
     return float(column_rms(t, x[:, None])[0])
 
 
@@ -211,12 +211,12 @@ def running_integral(t: np.ndarray, x: np.ndarray) -> np.ndarray:
 
 
 def integral(t: np.ndarray, x: np.ndarray) -> float:
-    """Return int x dt by the trapezoidal rule, in half the time that NumPy's takes."""
+    """Return int x dt by the trapezoidal rule, faster than NumPy's."""
     return float((t[1:] - t[:-1]) @ (x[1:] + x[:-1])) / 2
 
 
 def ends_by_magnitude(lower: np.ndarray, upper: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the numbers of largest and of smallest magnitude in each [lower, upper], (T,)."""
+    """Return the numbers of largest and smallest magnitude in each [lower, upper], (T,)."""
     worst = np.where(np.abs(upper) >= np.abs(lower), upper, lower)
     return worst, np.minimum(np.maximum(0.0, lower), upper)
 
@@ -248,7 +248,7 @@ def sites_on(scene: Scene, actuator: int) -> list[int]:
 
 
 def rests(result: InverseResult, actuator: int) -> np.ndarray:
-    """Return (T,) where a drive sticks: any of the sites on it does."""
+    """Return (T,) where a drive sticks: any site on it does."""
     return np.asarray(result.sticking[:, sites_on(result.scene, actuator)].any(axis=1))
 
 
@@ -261,7 +261,7 @@ def effort_unit(scene: Scene, actuator: int) -> str:
 
 
 def slides(scene: Scene, column: int) -> bool:
-    """Return whether a column of v is a speed along an axis (m/s), not about one (rad/s)."""
+    """Return whether a column of v is in m/s along an axis, not in rad/s about one."""
     twin = scene.twin()
     for row, joint in enumerate(scene.model.joints[1:]):
         if joint.idx_v <= column < joint.idx_v + joint.nv:
@@ -272,16 +272,13 @@ def slides(scene: Scene, column: int) -> bool:
 
 
 def motor_unit(scene: Scene, actuator: int) -> str:
-    """Return what a drive's motor delivers at its shaft: N m behind a gear, else `effort_unit`."""
+    """Return the unit at a drive's motor: N m behind a gear, else `effort_unit`."""
     geared = scene.drives[actuator].transmission is not None
     return "N m" if geared else effort_unit(scene, actuator)
 
 
 def unit_of_drive(scene: Scene, name: str, motor: bool = False) -> str:
-    """Return the unit of a drive's efforts, by its name; of no name that which all drives share.
-
-    `motor`: at the motor's shaft.
-    """
+    """Return the unit of a drive's efforts (or at its `motor`); of no name the common one."""
     if name:
         return (motor_unit if motor else effort_unit)(scene, scene.actuator_names.index(name))
     units = {effort_unit(scene, i) for i in range(len(scene.drives))}

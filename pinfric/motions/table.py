@@ -1,4 +1,4 @@
-"""A motion as a table of numbers, one per joint: its derivatives, and what spoils them."""
+"""A motion as a table of numbers, one per joint; its derivatives, and what spoils them."""
 
 from __future__ import annotations
 
@@ -114,7 +114,7 @@ def complete_derivatives(
 
 
 def _coarse_rows(columns: Sequence[JointColumn], t: FloatArray, positions: FloatArray) -> list[str]:
-    """Say that rows are too far apart for the motion between them: they may be way-points."""
+    """Say that rows are too far apart to be samples: they may be way-points."""
     if t.size < 2 or not columns:
         return []
     slopes = np.diff(positions, axis=0) / np.diff(t)[:, None]

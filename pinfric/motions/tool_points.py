@@ -36,7 +36,7 @@ _JUMP = 0.3
 
 
 class Tool:
-    """The scene's tool, by its joints' positions x (nj,), rad or m, in the model's order."""
+    """The scene's tool by its joints' positions x (nj,), rad or m, in the model's order."""
 
     def __init__(self, scene: Any, columns: Sequence[JointColumn], source: str) -> None:
         if not isinstance(scene, Scene) or scene.tool is None:
@@ -96,7 +96,7 @@ class Tool:
         return x, e
 
     def missed(self, goal: pin.SE3, x: FloatArray, e: FloatArray) -> str:
-        """Return how far a goal is out of reach; empty where it is reached."""
+        """Return how far a goal is out of reach; empty if it is reached."""
         if np.abs(e).max() < _REACHED:
             return ""
         distance = np.linalg.norm(self.reach(goal, x, 3)[1])
@@ -154,7 +154,7 @@ def solve_tool_points(
 
 
 def _line(tool: Tool, begin: pin.SE3, goal: pin.SE3, x: FloatArray, where: str) -> BSpline:
-    """Positions of the joints over a straight way of the tool."""
+    """Positions of the joints over a straight move of the tool."""
     from scipy.interpolate import make_interp_spline
 
     way = np.linspace(0.0, 1.0, _KNOTS)

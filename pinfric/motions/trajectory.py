@@ -377,7 +377,7 @@ def read_trajectory(
 
 
 def _locked(robot: Robot) -> dict[str, tuple[float, str]]:
-    """Joint -> where the scene fixes it, and in what, rad or m."""
+    """Joint -> where the scene fixes it, and its unit, rad or m."""
     if not robot.locked:
         return {}
     kinds = {joint.get("name"): joint.get("type") for joint in robot.xml().findall("joint")}

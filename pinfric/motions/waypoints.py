@@ -295,7 +295,7 @@ def _positions(
     problems: list[str],
     source: str,
 ) -> FloatArray:
-    """Return where the points are, (points, nj) rad or m, checked against the joints' limits."""
+    """Return the points (points, nj), rad or m, checked against the joints' limits."""
     order = _joint_order(waypoints, [column.name for column in columns], problems)
     _check_points(waypoints, len(columns), payloads, problems)
     refuse(source, problems)
@@ -321,7 +321,7 @@ def _ramp(waypoints: WayPointFile) -> float:
 def _joint_order(
     waypoints: WayPointFile, joint_names: Sequence[str], problems: list[str]
 ) -> list[int]:
-    """Return, for each of the model's joints, its place in the points' q."""
+    """Return the place of each of the model's joints in the points' q."""
     if waypoints.joints is None:
         return list(range(len(joint_names)))
     names = list(waypoints.joints)
@@ -386,7 +386,7 @@ def _plan_moves(
     problems: list[str],
     lines: Mapping[int, BSpline],
 ) -> list[Move]:
-    """Give every move its start and duration, s; the first is the stay at the first point."""
+    """Give every move its start and duration, s; the first stays at the first point."""
     first = waypoints.points[0]
     moves = [Move(0.0, 0.0, stops[0], stops[0], first.hold)]
     for index, point in enumerate(waypoints.points[1:], start=1):
@@ -463,6 +463,6 @@ def _sample_moves(
 
 
 def _first_moving_sample(move: Move, t: FloatArray) -> int:
-    """The first sample of the next move: the last instant of a hold is still the hold's."""
+    """First sample of the next move; a hold's last instant still belongs to it."""
     shift = _SAME_INSTANT if move.hold > 0.0 else -_SAME_INSTANT
     return int(np.searchsorted(t, move.departure + shift))

@@ -1,1 +1,1 @@
-"""Logs of real robots: read in many dialects, repaired and judged before anything is computed."""
+"""Logs of real robots: read in many dialects, repaired and judged."""

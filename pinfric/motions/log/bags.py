@@ -1,4 +1,4 @@
-"""ROS 2 bags (SQLite, MCAP; a file or a bag's folder) with messages sensor_msgs/msg/JointState."""
+"""ROS 2 bags (SQLite, MCAP; a file or a folder) of sensor_msgs/msg/JointState."""
 
 from __future__ import annotations
 
@@ -95,7 +95,7 @@ def open_bag(path: Path, joint_names: Sequence[str]) -> OpenedLog:
 
 
 def _chosen_topic(path: Path, reader: Any, topics: list[str], joint_names: Sequence[str]) -> str:
-    """The one topic whose messages name most of the joints."""
+    """The one topic that names most of the joints."""
     states = [c for c in reader.connections if c.msgtype == JOINT_STATE and c.msgcount]
     if not states:
         raise TrajectoryError(
@@ -118,7 +118,7 @@ def _chosen_topic(path: Path, reader: Any, topics: list[str], joint_names: Seque
 def _joint_states(
     path: Path, reader: Any, topic: str
 ) -> tuple[IntArray, dict[tuple[str, ...], _Messages]]:
-    """Return a topic's times (ns) and its messages by the joints that they name."""
+    """Return a topic's times (ns) and its messages by the joints they name."""
     headers, received = array("q"), array("q")
     groups: dict[tuple[str, ...], _Messages] = {}
     states = [c for c in reader.connections if c.topic == topic and c.msgcount]

@@ -90,7 +90,7 @@ class JointMapping(Entry):
 
 
 class TimeMapping(Entry):
-    """Which column is time, and in what; or the rate of rows that have none."""
+    """Which column is time, and its unit; or the rate of rows without time."""
 
     column: str | None = optional("its name", "stamp")
     rate: Positive | None = optional("of the rows, where no column is their time", 50, "Hz")
@@ -121,7 +121,7 @@ class ColumnsFile(Entry):
 
 @dataclass(frozen=True)
 class Use:
-    """A column and how its numbers become SI: factor raw + offset; `unit` as far as it is known."""
+    """A column and how its numbers become SI: factor raw + offset; `unit` if known."""
 
     column: str
     factor: float = 1.0
@@ -244,9 +244,9 @@ def _take_in_order(
     said: Remarks,
     currents: Collection[str],
 ) -> None:
-    """Take columns that only number the joints in the scene's order, if there is one for each.
+    """Take columns that number the joints in the scene's order, if there is one for each.
 
-    For example `actual_q_0` to `actual_q_5`, `q1` to `q6`, `joint_1_position`, `A1`.
+    For example `actual_q_0` to `actual_q_5`, `q1` to `q6`, `A1`.
     """
     groups: dict[tuple[str, str], dict[int, str]] = {}
     for column in dict.fromkeys(header):
@@ -286,14 +286,14 @@ def _take_in_order(
 
 
 def _in_words(column: str) -> str:
-    """Return a column's name with the quantity in place of a unit that implies it: tau [Nm]."""
+    """Return a column's name with the quantity in place of a unit: tau [Nm]."""
     unit = _UNIT.search(column)
     meant = _UNITS.get(re.sub(r"[ ·*.]", "", unit[1]).lower()) if unit else None
     return f"{column[: unit.start()]}/{meant}" if unit and meant else column
 
 
 def _marked(column: str) -> str:
-    """Return a column of `rostopic echo -p` with a mark before its number: field.position_0."""
+    """Return a column of `rostopic echo -p` with a marked number: field.position_0."""
     return re.sub(r"(\d+)$", r"_\1", column) if column.startswith(_ROSTOPIC) else column
 
 

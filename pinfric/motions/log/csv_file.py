@@ -124,7 +124,7 @@ def _unreadable_said(path: Path) -> Iterator[None]:
 
 
 def _check_size(path: Path) -> None:
-    """Refuse what would fill the memory, before any of it is kept: see `check_size`."""
+    """Refuse what would fill the memory before reading it: see `check_size`."""
     lines = size = 0
     with _unreadable_said(path), _opened(path, "rb") as file:
         while chunk := file.read(_LONG):
@@ -217,7 +217,7 @@ def _read_by_line(table: _Table, names: Sequence[str]) -> RawRows:
 
 
 def _resolution(names: Sequence[str], values: FloatArray) -> dict[str, float]:
-    """Column -> its last digit: 10^(digits before the point of the largest number - digits)."""
+    """Column -> its last digit, 10^(digits before the point - digits) of the largest number."""
     resolutions = {}
     for name, column in zip(names, values.T, strict=True):
         largest = float(np.max(np.abs(column), where=np.isfinite(column), initial=0.0))
@@ -230,7 +230,7 @@ def _resolution(names: Sequence[str], values: FloatArray) -> dict[str, float]:
 
 
 def _stamp(cell: str) -> int | None:
-    """Whole ns since 1970 of an ISO 8601 stamp, of any zone; None: it is none."""
+    """Whole ns since 1970 of an ISO 8601 stamp of any zone, else None."""
     match = _ISO.match(cell.strip().strip('"'))
     if match is None:
         return None
@@ -285,7 +285,7 @@ def _numbered_lines(path: Path, most: int = -1) -> list[tuple[int, str]]:
 
 
 def _table(path: Path, rows: list[tuple[int, str]]) -> _Table:
-    """Tell header and rows, and find what separates cells and whether commas are decimal."""
+    """Tell header and rows, find what separates cells and whether commas are decimal."""
     separator = separator_of(rows[0][1])
     _check_quotes(path, rows, separator)
     header = cells_of(rows[0][1], separator)
@@ -310,9 +310,9 @@ def _table(path: Path, rows: list[tuple[int, str]]) -> _Table:
 
 
 def _sorted_by_names(table: _Table) -> _Table:
-    """Put numbered columns in the order of the first row's names, where later rows have another.
+    """Put numbered columns in the order of the first row's names.
 
-    Each message of joint states names its joints, so `name_0` is not always the same joint.
+    Each message of joint states names its joints, so `name_0` may change.
     """
     places: dict[str, dict[str, int]] = {}
     for place, column in enumerate(table.header):
@@ -347,7 +347,7 @@ def _sorted_by_names(table: _Table) -> _Table:
 
 
 def _joint_place(table: _Table) -> int | None:
-    """Place of the cell that names the joint, in a table with one row a joint; else None."""
+    """Place of the cell that names a row's joint, in a table with one row a joint."""
     first = cells_of(table.rows[0], table.separator)
     for place, (column, cell) in enumerate(zip(table.header, first, strict=False)):
         if column.lower() in _JOINT_COLUMNS and _number(cell) is None:
@@ -356,9 +356,9 @@ def _joint_place(table: _Table) -> int | None:
 
 
 def _one_row_a_time(table: _Table, place: int) -> _Table:
-    """Return a table with one row for each time, of one with a row for each joint and time.
+    """Return a table with one row a time, from one with a row a joint and time.
 
-    A row's time is its first cell; columns are `joint/position` and so on.
+    A row's time is its first cell; columns become `joint/position` and so on.
     """
     width, others = len(table.header), [i for i in range(1, len(table.header)) if i != place]
     merged: dict[str, dict[str, list[str]]] = {}
@@ -403,7 +403,7 @@ def _echoed(cells: Sequence[str]) -> list[str] | None:
 
 
 def _check_quotes(path: Path, rows: Sequence[tuple[int, str]], separator: str) -> None:
-    """Refuse lines no CSV reader takes by themselves: an open quote swallows the next line."""
+    """Refuse lines with an open quote, which would swallow the next line."""
     wrong, longest = [], csv.field_size_limit()
     for number, line in rows:
         if '"' in line or len(line) > longest:

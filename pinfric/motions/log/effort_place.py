@@ -27,17 +27,17 @@ def check_effort_place(at: str, error: type[PinfricError]) -> None:
 
 
 def drive_ratios(scene: Scene) -> FloatArray:
-    """Return the gear ratio of each drive, (na,); 1 where the scene names no gear."""
+    """Return the gear ratio of each drive, (na,); 1 without a gear."""
     return np.array([drive.ratio for drive in scene.drives])
 
 
 def factors_to_joint(scene: Scene, at: str) -> FloatArray:
-    """Return what makes logged efforts efforts at the joint: their drives' ratios, or 1, (na,)."""
+    """Return factors (na,) from logged efforts to efforts at the joint."""
     return drive_ratios(scene) if at == "motor" else np.ones(len(scene.drives))
 
 
 def place_note(scene: Scene, at: str) -> str:
-    """Return what a log's efforts are taken for, and how to say otherwise; "" if it is the same."""
+    """Return what a log's efforts are taken for, if it matters, else ""."""
     ratios = np.unique(np.abs(drive_ratios(scene)))
     if (ratios == 1.0).all():
         if at != "motor":

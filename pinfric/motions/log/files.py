@@ -62,7 +62,7 @@ def open_parquet(path: Path) -> OpenedLog:
 
 
 def _arrow_type(kind: Any) -> Any:
-    """The type to which a column of numbers or times is cast; None: it has neither."""
+    """The type to which a column of numbers or times is cast; None: neither."""
     import pyarrow as pa
 
     if pa.types.is_timestamp(kind):
@@ -94,7 +94,7 @@ def _arrow_lists(name: str, column: Any) -> dict[str, NDArray[Any]]:
 
 
 def _arrow_numbers(column: Any, kind: Any) -> NDArray[Any]:
-    """A column's numbers, NaN where there is none; times with gaps count from the first one."""
+    """A column's numbers, NaN where none; times with gaps from the first one on."""
     import pyarrow as pa
     import pyarrow.compute as pc
 
@@ -163,7 +163,7 @@ def open_json(path: Path) -> OpenedLog:
 
 
 def _joint_names(content: Mapping[str, Any]) -> list[str]:
-    """The names of the arrays' columns, where the file itself says them."""
+    """The names of the arrays' columns, where the file has them."""
     for key in _NAMES & content.keys():
         names = np.asarray(content[key])
         if names.ndim == 1 and names.dtype.kind == "U":
@@ -172,7 +172,7 @@ def _joint_names(content: Mapping[str, Any]) -> list[str]:
 
 
 def _arrays(prefix: str, content: Mapping[str, Any]) -> Iterator[tuple[str, NDArray[Any]]]:
-    """Yield the arrays of numbers in mappings, and in mappings and lists of these; None is NaN."""
+    """Yield arrays of numbers from nested mappings and lists of mappings; None is NaN."""
     for name, value in content.items():
         first = value[0] if isinstance(value, list) and value else None
         if isinstance(value, dict):
@@ -195,7 +195,7 @@ def _arrays(prefix: str, content: Mapping[str, Any]) -> Iterator[tuple[str, NDAr
 def _arrays_opened(
     path: Path, arrays: Mapping[str, NDArray[Any]], names: Sequence[str] = ()
 ) -> OpenedLog:
-    """The log of those arrays that have as many rows, or columns, as most have."""
+    """The log of the arrays with as many rows, or columns, as most have."""
     sizes = [max(x.shape) for x in arrays.values() if max(x.shape) >= FEWEST]
     count = max(sizes, key=lambda size: (sizes.count(size), size), default=0)
     columns: dict[str, NDArray[Any]] = {}
@@ -214,7 +214,7 @@ def _arrays_opened(
 
 
 def _inflated(path: Path) -> int:
-    """The bytes in a MATLAB file's compressed variables, counted until they are too many."""
+    """Bytes in a MATLAB file's compressed variables, counted up to `MOST_BYTES`."""
     size, compressed = 0, 15
     with suppress(OSError, struct.error, zlib.error), path.open("rb") as file:  # said by SciPy
         order = ">" if file.read(128)[-2:] == b"MI" else "<"
@@ -228,7 +228,7 @@ def _inflated(path: Path) -> int:
 
 
 def _matlab_arrays(prefix: str, content: Mapping[str, Any]) -> Iterator[tuple[str, NDArray[Any]]]:
-    """Yield the arrays of numbers in variables and structs of structs."""
+    """Yield arrays of numbers from variables and nested structs."""
     for name, value in content.items():
         if hasattr(value, "_fieldnames"):
             fields = {field: getattr(value, field) for field in value._fieldnames}

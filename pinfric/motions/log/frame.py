@@ -1,4 +1,4 @@
-"""Logs as frames: the numbers of the columns that are used, one row per line of the file."""
+"""Logs as frames: the numbers of the columns used, one row per line."""
 
 from __future__ import annotations
 
@@ -30,11 +30,7 @@ EXACT = 2.0**53
 
 
 def check_size(path: Path, rows: int, columns: int = 1, inflated: int = 0) -> None:
-    """Refuse a file with more rows, cells or decompressed bytes than fit.
-
-    Raises:
-        TrajectoryError: it has.
-    """
+    """Refuse a file with more rows, cells or decompressed bytes than fit (TrajectoryError)."""
     for count, most, what in (
         (rows, MOST_ROWS, "rows"),
         (rows * columns, MOST_CELLS, "numbers"),
@@ -57,7 +53,7 @@ class Remarks:
     notes: list[str] = field(default_factory=list)
 
     def ask(self, check: Callable[..., list[str]], *of: Any) -> None:
-        """Add what a check finds, unless something is wrong already, which it would blame again."""
+        """Add what a check finds, unless something else is wrong already."""
         if not self.problems:
             self.problems += check(*of)
 
@@ -151,9 +147,9 @@ def arrays_log(
 
 
 def usable_rows(rows: RawRows, problems: list[str]) -> LogFrame:
-    """Leave out the rows that cannot be used: few of them are dropped, many are problems.
+    """Leave out the rows that cannot be used; many of them are problems.
 
-    Rows without a number but in the first column belong to another source in the same file.
+    Rows with a number in the first column only belong to another source.
     """
     frame = rows.frame
     finite = np.isfinite(frame.values).all(axis=1)
@@ -239,7 +235,7 @@ class Log:
     name: str = "log"
 
     def opened(self, joints: Sequence[str]) -> OpenedLog:
-        """Return the samples as an opened file, by the names of the scene's joints in its order."""
+        """Return the samples as an opened file, columns by the scene's joints."""
         t, shape = np.asarray(self.t), (np.size(self.t), len(joints))
         columns: dict[str, Any] = {"t": t}
         for quantity, array in (("", self.q), ("/velocity", self.v), ("/effort", self.effort)):

@@ -1,4 +1,4 @@
-"""What a log's noise leaves uncertain in the efforts, and how they compare with its own."""
+"""What a log's noise leaves uncertain in efforts, and how they compare with its own."""
 
 from __future__ import annotations
 
@@ -146,7 +146,7 @@ def _stated_at_joints(result: InverseResult, reading: Reading, at: str) -> Readi
 
 
 def _compared(result: InverseResult, reading: Reading, at: str) -> dict[str, MeasuredEffort]:
-    """Return each drive's logged effort beside the computed one, if it is what `at` says."""
+    """Return each drive's logged effort beside the computed one, taken as `at` says."""
     effort = _stated_at_joints(result, reading, at).effort
     return {
         name: compare_effort(result, i, effort[name], at)
@@ -158,7 +158,7 @@ def _compared(result: InverseResult, reading: Reading, at: str) -> dict[str, Mea
 def _place_notes(
     result: InverseResult, at: str, places: Mapping[str, Mapping[str, MeasuredEffort]]
 ) -> tuple[str, ...]:
-    """What the logged efforts are taken for, and what they fit better."""
+    """What logged efforts are taken for, and what they fit better."""
     errors = {}
     for place, measured in places.items():
         known = [x.relative_error for x in measured.values() if np.isfinite(x.relative_error)]
@@ -199,7 +199,7 @@ def compare_effort(
 
 
 def _effort_bound(result: InverseResult, noise: DerivativeNoise) -> FloatArray:
-    """How far every effort may be off, (T, na) in N m or N; see `judge_log`."""
+    """How far efforts may be off, (T, na) N m or N; see `judge_log`."""
     count = len(result.states.q)
     places = np.unique(np.linspace(0, count - 1, min(count, _PLACES)).astype(np.int64))
     scene, states = replace(result.scene, measured=None), result.states  # speeds are mentioned

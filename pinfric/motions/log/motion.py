@@ -118,8 +118,7 @@ class Regular:
 
     Args:
         even: the samples on regular times. step: s between them.
-        position: (rows, nj) as read, rad or m.
-        t: (rows,) when they were taken, s; None: at the regular times.
+        position: (rows, nj) as read. t: (rows,) when taken, s; None: at the regular times.
         spread: factor on the rows' noise at low frequencies in the regular samples.
     """
 
@@ -245,16 +244,16 @@ def _leave_out_repeats(samples: Samples) -> None:
 
 
 def _less_noise(position: FloatArray, t: FloatArray, than: FloatArray) -> bool:
-    """Whether positions have clearly less noise at some times than at others."""
+    """Whether positions have clearly less noise at these times than at others."""
     return _clearly_less(
         [(noise_differences(q, t), noise_differences(q, than)) for q in position.T]
     )
 
 
 def _clearly_less(pairs: Sequence[tuple[FloatArray, FloatArray]]) -> bool:
-    """Whether the squares of the first are clearly less than those of the second, of all joints.
+    """Whether the first squares are clearly less than the second, over all joints.
 
-    Each joint counts by its own mean square, so that a noisy one does not hide the others.
+    Each joint counts by its own mean square, so that a noisy one hides no other.
     """
     total = np.zeros(0)
     for own, other in pairs:  # one after another: a long log fills much of the memory
@@ -304,7 +303,7 @@ def _on_regular_time(samples: Samples, timing: Timing) -> Regular:
 def _stamps_are_better(
     position: FloatArray, stamps: FloatArray, regular: FloatArray, logged: FloatArray | None
 ) -> bool:
-    """Whether the stamps fit clearly better than regular times: velocities, else positions."""
+    """Whether stamps fit clearly better than regular times: velocities, else positions."""
     if (np.diff(stamps) <= 0.0).any():
         return False
     if logged is not None and logged.any() and np.isfinite(logged).all():
@@ -314,7 +313,7 @@ def _stamps_are_better(
 
 
 def _off(position: FloatArray, t: FloatArray, velocity: FloatArray) -> FloatArray:
-    """By how much a joint's velocities miss the slopes of its positions between rows, rad/s."""
+    """Velocities less the slopes of positions between rows, rad/s."""
     return np.asarray(np.diff(position) / np.diff(t) - 0.5 * (velocity[1:] + velocity[:-1]))
 
 
@@ -344,7 +343,7 @@ def _by_stamps(even: Samples, timing: Timing) -> Regular:
 
 
 def _resample(even: Samples, timing: Timing, order: FloatArray, position: FloatArray) -> None:
-    """Take positions at regular times, at `order` in the rows; all else is of the row before."""
+    """Take positions at regular times, at `order` in the rows; all else of the row before."""
     even.keep(np.floor(order + 1e-9).astype(np.int64), timing.time)
     even.table = replace(even.table, position=position)
     even.rows = np.interp(order, np.arange(even.rows.size), even.rows)
@@ -362,7 +361,7 @@ def _time(seconds: float) -> str:
 
 
 def _filtered(regular: Regular, noisy: Sequence[bool], options: ReadingOptions) -> Samples:
-    """Low-pass what is noisy (all that moves, where the cutoff was given) between its holds."""
+    """Low-pass what is noisy (or moves, with a stated cutoff) between its holds."""
     even, step, thinning = regular.even, regular.step, options.thinning
     measured, t = even.table.position, even.table.t
     stride = thinning.every(step) if thinning else 1
@@ -419,7 +418,7 @@ def _filtered(regular: Regular, noisy: Sequence[bool], options: ReadingOptions) 
 
 @dataclass(frozen=True)
 class _Pass:
-    """A joint's low pass: cutoff, Hz, or None; which one; RMS acceleration that it takes away."""
+    """A joint's low pass: cutoff, Hz, or None; which; RMS acceleration it takes away."""
 
     cutoff: float | None = None
     gaussian: bool = False
@@ -517,7 +516,7 @@ def _low_passed(
 
 
 def _noise_line(reading: Reading, unit: str) -> str:
-    """Say "filtered at 11 Hz, noise 1.0e-05 rad", with ranges over the joints."""
+    """Say "filtered at 11 Hz, noise 1.0e-05 rad", with ranges over joints."""
     cutoffs = sorted(x for x in reading.cutoff.values() if x is not None)
     noise = sorted(x for x in reading.noise.values() if x > 0.0)
     still = reading.uncertain is not None and not reading.uncertain.moving.any()

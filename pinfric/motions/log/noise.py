@@ -68,12 +68,12 @@ def noise_level(position: FloatArray, t: FloatArray | None = None) -> float:
 
 
 def noise_differences(position: FloatArray, t: FloatArray) -> FloatArray:
-    """Return the differences of which `noise_level` is the RMS; none where an encoder flickers."""
+    """Return the differences of which `noise_level` is the RMS; none if an encoder flickers."""
     return np.empty(0) if _flickers(position) > 0.0 else _differences(position, _ORDER, t)
 
 
 def noise_floor(position: FloatArray, t: FloatArray | None = None) -> float:
-    """Return the sigma of `noise_level` over all samples, those at rest too, for spectra."""
+    """Return the sigma of `noise_level` over all samples, for spectra."""
     if (count := _flickers(position)) > 0.0:
         return count / math.sqrt(12.0)
     return float(np.sqrt(np.mean(_normalized_differences(position, _ORDER, t) ** 2)))
@@ -105,13 +105,13 @@ def noisy_joints(
 
 
 def _is_noisy(position: FloatArray, t: FloatArray | None) -> bool:
-    """Whether there is white noise beyond rounding; medians pass over a planned motion's kinks."""
+    """Whether there is white noise beyond rounding; medians pass over kinks of plans."""
     six, eight = (typical_noise(position, t, order) for order in (_ORDER, _ORDER + 2))
     return _flickers(position) > 0.0 or (six > _LEAST_NOISE and eight > _WHITE_SHARE * six)
 
 
 def _spoils(position: FloatArray, step: float, resolution: float, t: FloatArray | None) -> bool:
-    """Whether a spline makes more of the noise than a small share of the joint's acceleration."""
+    """Whether a spline makes more of the noise than a small share of the acceleration."""
     curvature = np.abs(_normalized_differences(position, 2, t)) * math.sqrt(6.0) / step**2
     large = float(np.quantile(curvature[curvature > 0.0], 0.9))  # a glitch would be the peak
     noise = typical_noise(position, t)
@@ -120,7 +120,7 @@ def _spoils(position: FloatArray, step: float, resolution: float, t: FloatArray 
 
 
 def _flickers(position: FloatArray) -> float:
-    """Return an encoder's count where it only goes up or down by one now and then; else 0."""
+    """Return an encoder's count if it only moves by one now and then; else 0."""
     steps = np.diff(position)
     places = np.flatnonzero(steps)
     if places.size == 0 or float(np.ptp(np.abs(steps[places]))) > 0.01 * float(np.ptp(position)):
@@ -131,7 +131,7 @@ def _flickers(position: FloatArray) -> float:
 
 
 def _differences(position: FloatArray, order: int, t: FloatArray | None) -> FloatArray:
-    """Normalized differences of an order, where the samples they take are not all the same."""
+    """Normalized differences of samples that are not all the same."""
     changes = np.diff(position) != 0.0
     if changes.size < order:
         return np.empty(0)
@@ -161,7 +161,7 @@ def _normalized_differences(position: FloatArray, order: int, t: FloatArray | No
 
 
 def typical_noise(position: FloatArray, t: FloatArray | None = None, order: int = _ORDER) -> float:
-    """Return sigma from the median of differences: the few samples at a kink do not count.
+    """Return sigma from the median of differences, which passes over samples at kinks.
 
     The median of Gaussian differences is 0.6745 of their RMS.
     """
@@ -189,7 +189,7 @@ class Spectra:
 
     @classmethod
     def of(cls, position: FloatArray, step: float, noise: float) -> Spectra:
-        """Return the spectra of positions (T,) with white noise of sigma `noise`, rad or m."""
+        """Return the spectra of positions with white noise of sigma `noise`, rad or m."""
         from scipy.stats import chi2
 
         curvature = np.diff(position, 2)
@@ -209,7 +209,7 @@ class Spectra:
 
 
 def _density(x: FloatArray, rate: float, length: int) -> tuple[FloatArray, FloatArray]:
-    """Welch's estimate of a density at frequencies (Hz), of long series part by part."""
+    """Welch's estimate of a density (frequencies in Hz), part by part."""
     from scipy.signal import welch
 
     beside, total = length // 2, 0.0
@@ -240,7 +240,7 @@ def signal_cutoff(seen: Spectra, gaussian: bool = False) -> float | None:
 
 
 def _encoder_count(position: FloatArray) -> float:
-    """Return the count of which all steps are multiples; 0: there is none."""
+    """Return the count of which all steps are multiples, else 0."""
     steps = np.abs(np.diff(position))
     steps = steps[steps > 0.0]
     if steps.size == 0:
@@ -308,7 +308,7 @@ def low_pass(
 
 
 def _continued(position: FloatArray, span: int, fitted: int) -> FloatArray:
-    """Return `span` samples after the last, on a polynomial through the last `fitted`."""
+    """Return `span` samples after the last, on a polynomial through `fitted`."""
     last, degree = position[-fitted:], _CONTINUED if fitted > 2 * _CONTINUED else 1
     place = np.linspace(-1.0, 1.0, len(last))  # where Legendre's polynomials are of one size
     ahead = 1.0 + (place[1] - place[0]) * np.arange(1, span + 1)

@@ -1,4 +1,4 @@
-"""The one reader of trajectory files with samples: from a path to a table on which to compute."""
+"""The reader of trajectory files with samples: from a path to a table."""
 
 from __future__ import annotations
 
@@ -135,7 +135,7 @@ def _open(path: Path, joints: Sequence[JointColumn]) -> OpenedLog:
 
 
 def _absurd(cells: LogFrame, columns: Columns) -> list[str]:
-    """Return numbers beyond those of any motion, but times: these have their own bounds."""
+    """Return numbers, but times, beyond those of any motion."""
     quantities = ("position", columns.position), ("velocity", columns.velocity)
     worst = {
         f"{what} of {joint}": np.nanmax(np.abs(column), initial=0.0, where=np.isfinite(column))
@@ -158,7 +158,7 @@ def _to_si(
     options: ReadingOptions,
     said: Remarks,
 ) -> tuple[Samples, list[float]]:
-    """Return the rows in SI and in order of time, each with its effort, and rad per unit."""
+    """Return the rows in SI and in order of time, with efforts, and rad per unit."""
     # 1. numbers
     cells = log.read(columns.used(), said.problems)
     said.problems += (absurd := _absurd(cells, columns))
@@ -233,7 +233,7 @@ def _moving_though_locked(
     locked: Mapping[str, tuple[float, str]],
     factor: float,
 ) -> list[str]:
-    """Return a line for each joint that the scene fixes, and that moves in the log."""
+    """Return a line for each joint that the scene fixes, but moves in the log."""
     problems = []
     for column in columns:
         joint, quantity = meaning_of(column, tuple(locked), {}) or ("", "")
@@ -253,7 +253,7 @@ def _moving_though_locked(
 
 
 def _finish(samples: Samples, recorded: bool, thinning: Thinning | None) -> None:
-    """Say that a recording is smooth, refuse its gaps, and take efforts at the samples."""
+    """Say that a recording is smooth, refuse gaps, take efforts at the samples."""
     reading, t = samples.reading, samples.table.t
     if recorded:
         if not reading.noise_line:  # something has filtered it before
@@ -278,7 +278,7 @@ def _quantity(
     named: Sequence[JointColumn],
     factors: Sequence[float] | None = None,
 ) -> FloatArray:
-    """Return one quantity of the joints in SI, (rows, nj); NaN where there is no column."""
+    """Return one quantity of the joints in SI, (rows, nj); NaN without a column."""
     if not uses:
         return np.broadcast_to(np.nan, (len(cells.values), len(named)))
     values = np.full((len(cells.values), len(named)), np.nan)
@@ -295,7 +295,7 @@ def _own_units(
     of_angles: list[float],
     stated: str | None,
 ) -> list[float]:
-    """Return rad per unit: by a column's header, else that of the joint's angles."""
+    """Return rad per unit by a column's header, else as the joint's angles."""
     units = [None if stated or c.name not in uses else uses[c.name].unit for c in named]
     return [
         of_angle if unit is None or column.unit != "rad" else ANGLE_UNITS[unit]
@@ -312,7 +312,7 @@ def _seconds(
 ) -> FloatArray:
     """Return the rows' times in s, those of a clock from its first one on.
 
-    Rows without a time were written at one rate, those that were left out among them.
+    Rows without a time were written at one rate.
     """
     if columns.rate is not None:
         said.notes.append(f"no column is the time: rows taken as written at {columns.rate:g} Hz")

@@ -1,4 +1,4 @@
-"""How a log is to be read, and what its reading found and did."""
+"""How a log is to be read, and what its reading did."""
 
 from __future__ import annotations
 

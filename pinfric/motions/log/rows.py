@@ -64,21 +64,21 @@ class Timing:
 
     @property
     def taken(self) -> FloatArray | None:
-        """The regular times at which the rows were taken, s; None where stamps wander."""
+        """The regular times at which rows were taken, s; None where stamps wander."""
         if self.number is None:
             return None
         return np.asarray(self.start + self.step * self.number, dtype=np.float64)
 
     @property
     def irregular(self) -> bool:
-        """Whether stamps and regular time differ by more than rounding, or rows are lost."""
+        """Whether stamps differ from regular time by more than rounding, or rows are lost."""
         if self.number is None or self.count != self.number.size:
             return True
         return self.jitter > _REGULAR * self.step
 
 
 def check_times(t: FloatArray, lines: Sequence[int], problems: list[str]) -> None:
-    """Append to `problems` times beyond 1e10 s, or less than 1 ns apart: they cannot be meant."""
+    """Append impossible times to `problems`: beyond 1e10 s, or less than 1 ns apart."""
     far = np.flatnonzero(np.isfinite(t) & (np.abs(t) > _LONGEST_TIME))
     if far.size:
         where = listing(f"line {lines[i]} (t = {t[i]:.9g})" for i in far.tolist())
@@ -121,7 +121,7 @@ def ordered_rows(t: FloatArray, lines: Sequence[int], said: Remarks) -> IntArray
 
 
 def _only_jitters(t: FloatArray) -> bool:
-    """Whether rows were taken at regular times one after another, and only their stamps vary."""
+    """Whether rows were taken at regular times, and only their stamps vary."""
     steps = np.diff(t)
     middle = float(np.median(steps))
     if t.size < FEWEST or np.median(np.abs(steps - middle)) <= _PRECISE * middle:
@@ -153,7 +153,7 @@ def regular_time(t: FloatArray) -> Timing | None:
 
 
 def _line(t: FloatArray, number: IntArray) -> tuple[float, float, float]:
-    """Return step, start of the line t = start + step number, and RMS distance from it, s."""
+    """Return step, start and RMS distance of the line t = start + step number, s."""
     step, start = np.polyfit(number, t, 1)
     off = t - start - step * number
     with np.errstate(over="ignore"):  # stamps of 1e200 are off by more than any step
@@ -161,7 +161,7 @@ def _line(t: FloatArray, number: IntArray) -> tuple[float, float, float]:
 
 
 def _wandering_time(t: FloatArray) -> Timing | None:
-    """Return as many regular times as there are rows, but for gaps, over stamps that increase."""
+    """Return as many regular times as rows, but for gaps, over stamps that increase."""
     steps = np.diff(t)
     if (steps <= 0.0).any():
         return None
@@ -173,7 +173,7 @@ def _wandering_time(t: FloatArray) -> Timing | None:
 
 
 def far_apart(t: FloatArray, least: float) -> IntArray:
-    """Return the rows to interpolate between: each at least `least` s after the one before.
+    """Return the rows to interpolate between, each at least `least` s after the one before.
 
     A spline through noisy rows that nearly coincide swings far beyond them.
     """
@@ -231,20 +231,20 @@ def repeated_rows(position: FloatArray) -> IntArray:
 
 
 def evenly(t: FloatArray) -> FloatArray | None:
-    """Return the times of rows that were taken one step after another, s; None: they were not."""
+    """Return the times of rows taken one step after another, s; None: they were not."""
     step, start, jitter = _line(t, np.arange(t.size))
     even = start + step * np.arange(t.size, dtype=np.float64)
     return even if step > 0.0 and jitter <= _JITTER * step else None
 
 
 def gaps(t: FloatArray) -> IntArray:
-    """Return the rows after which a step is far longer than the median one."""
+    """Return the rows after which a step is far longer than the median."""
     steps = np.diff(t)
     return np.flatnonzero(steps > GAP_FACTOR * np.median(steps))
 
 
 def gap_problems(t: FloatArray) -> list[str]:
-    """Return one line that names the gaps longer than 20 sample periods, if there are any."""
+    """Return one line that names gaps longer than 20 sample periods, if any."""
     far = gaps(t)
     if far.size == 0:
         return []
@@ -305,7 +305,7 @@ def mended_effort(
 
 
 def _zeros(effort: FloatArray) -> IntArray:
-    """Rows of short runs of zeros between values of one sign far from zero."""
+    """Rows of short runs of zeros amid values of one sign far from zero."""
     zero = effort == 0.0
     if not zero.any() or zero.all():
         return np.zeros(0, dtype=np.int64)
@@ -321,7 +321,7 @@ def _zeros(effort: FloatArray) -> IntArray:
 
 
 def _spikes(effort: FloatArray, position: FloatArray) -> IntArray:
-    """Rows of short runs that neither the rows beside them nor the joint's motion explain."""
+    """Rows of short runs that neither rows beside nor the joint's motion explain."""
     far, reach = _far(effort)
     if reach == 0.0:
         return np.zeros(0, dtype=np.int64)
@@ -344,7 +344,7 @@ def _spikes(effort: FloatArray, position: FloatArray) -> IntArray:
 
 
 def _far(values: FloatArray) -> tuple[FloatArray, float]:
-    """Return how far values are beyond nine tenths of them, and from where that is unusual."""
+    """Return how far values are beyond nine tenths of them, and the usual limit."""
     low, high = np.quantile(values[:: max(1, values.size // 20_000)], (0.05, 0.95))
     return np.maximum(np.maximum(values - high, low - values), 0.0), _BEYOND * float(high - low)
 

@@ -54,7 +54,7 @@ class _Edge:
     coarse: float
 
     def cost(self, onset: float) -> float:
-        """Least sum of squares (sigma^2) of the motions that start at a sample number."""
+        """Least sum of squares (sigma^2) of motions that start at a sample number."""
         x = np.maximum(self.direction * (self.place - onset), 0.0)
         x /= max(float(x.max()), 1.0)
         square, cube = x * x, x * x * x
@@ -67,7 +67,7 @@ class _Edge:
         return float(candidates[int(np.argmin([self.cost(x) for x in candidates]))])
 
     def onset(self) -> float:
-        """The onset of least cost, on ever finer grids down to what noise can tell."""
+        """The onset of least cost, on ever finer grids."""
         low, high = float(self.place.min()), float(self.place.max())
         step = (high - low) / 40.0
         best = self.best(np.arange(low, high, step))
@@ -144,7 +144,7 @@ def with_resting_ends(
 
 
 def _starts_at_rest(q: FloatArray, step: float, noise: float) -> bool | None:
-    """Whether a joint starts at rest; None where its motion is too small to tell."""
+    """Whether a joint starts at rest; None if its motion is too small."""
     for count in _START_SAMPLES:
         if 2 * count > q.size:
             continue
@@ -170,7 +170,7 @@ def _starts_at_rest(q: FloatArray, step: float, noise: float) -> bool | None:
 
 
 def _levels(q: FloatArray, width: int, noise: float) -> Iterator[tuple[int, int]]:
-    """Yield the runs that stay on one level; a motion's start may still be within their ends."""
+    """Yield the runs on one level; a motion may start within their ends."""
     margin = width // 2
     for first, last in _flat_runs(q, width, noise):
         inner = q[
@@ -181,7 +181,7 @@ def _levels(q: FloatArray, width: int, noise: float) -> Iterator[tuple[int, int]
 
 
 def _flat_runs(q: FloatArray, width: int, noise: float) -> Iterator[tuple[int, int]]:
-    """Yield the runs of windows whose least-squares slope is noise: first and last sample."""
+    """Yield the runs of windows whose slope is noise: first and last sample."""
     place = np.arange(width) - 0.5 * (width - 1)
     slope = np.convolve(q - q[0], place[::-1], mode="valid") / float(place @ place)
     flat = np.abs(slope) <= _SIGNIFICANT * noise / np.sqrt(float(place @ place))
@@ -191,7 +191,7 @@ def _flat_runs(q: FloatArray, width: int, noise: float) -> Iterator[tuple[int, i
 
 
 def _is_level(q: FloatArray, noise: float) -> bool:
-    """Whether neither a trend nor a bend over the run is more than noise makes of them."""
+    """Whether trend and bend over the run are noise."""
     x = np.linspace(-1.0, 1.0, q.size)
     for shape in (x, 1.5 * x**2 - 0.5):  # Legendre: orthogonal, at most 1
         shape = shape - shape.mean()
@@ -225,7 +225,7 @@ def _edge(q: FloatArray, inside: int, border: int, noise: float) -> _Edge:
 
 
 def _together(edges: dict[tuple[int, int, int], _Edge]) -> dict[tuple[int, int, int], float]:
-    """Return the onsets of all edges; one for those that one instant fits as well as several."""
+    """Return the onsets of all edges; one for those that one instant fits as well."""
     own = {key: edge.onset() for key, edge in edges.items()}
     onsets = dict(own)
     for direction in (1, -1):

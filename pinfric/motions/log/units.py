@@ -97,7 +97,7 @@ def time_factor(
 
 
 def _largest_ways(columns: Sequence[JointColumn], position: FloatArray) -> tuple[float, float]:
-    """The largest step between two rows over a joint's velocity limit (s), and the largest step."""
+    """Largest step between rows over a joint's velocity limit (s), and largest step."""
     if len(position) < 2:
         return 0.0, 0.0
     largest = np.zeros(len(columns))
@@ -109,13 +109,13 @@ def _largest_ways(columns: Sequence[JointColumn], position: FloatArray) -> tuple
 
 
 def _possible(ways: tuple[float, float], rate: float) -> bool:
-    """Whether joints can be as fast as their ways per row are at this rate, Hz."""
+    """Whether joints can be so fast at this rate of rows, Hz."""
     of_limits, speed = (rate * way for way in ways)
     return of_limits <= _TOO_FAST if of_limits > 0.0 else speed <= _FASTEST_JOINT
 
 
 def is_clock(start: float) -> bool:
-    """Whether a time in s is one that a clock shows, since 1970."""
+    """Whether a time in s is that of a clock, since 1970."""
     return _EPOCH[0] <= start <= _EPOCH[1]
 
 
@@ -162,12 +162,12 @@ def angle_unit(
 
 
 def _reach(column: JointColumn) -> float:
-    """The largest angle a joint's limits allow; infinite without limits."""
+    """The largest angle within a joint's limits."""
     return max(abs(column.lower), abs(column.upper))
 
 
 def unwrapped_steps(q: FloatArray) -> FloatArray:
-    """Return how far one joint goes from row to row, (T - 1,); an angle may wrap."""
+    """Return a joint's steps from row to row, (T - 1,); an angle may wrap."""
     steps = np.abs(np.diff(q))
     return np.minimum(steps, np.abs(steps - 2.0 * np.pi))
 
@@ -324,7 +324,7 @@ def wrong_velocities(
 
 
 def _speeds(t: FloatArray, position: FloatArray) -> list[float]:
-    """The speed of each joint that one row of a hundred exceeds; () where times say nothing."""
+    """Speed of each joint that one row of a hundred exceeds; () if times say nothing."""
     steps = np.diff(t)
     if t.size < FEWEST or not (steps > 0.0).all():
         return []
