@@ -175,7 +175,7 @@ def _gear_losses(scene: Scene, motion: _Motion, whole: InverseResult) -> tuple[G
 
 
 def _without(scene: Scene, effect: Effect) -> Scene:
-    """The scene without an effect; without coupling: loads as if there were no friction."""
+    """The scene without an effect; without coupling loads ignore friction."""
     if effect.name == "coupling":
         return _hardly_rubbing(scene)
     if effect.name == "couples":
@@ -279,7 +279,7 @@ def with_constant_friction(scene: Scene, constants: Mapping[str, float]) -> Scen
 
 
 def _hardly_rubbing(scene: Scene) -> Scene:
-    """The scene with coefficients so small that loads are those without friction."""
+    """The scene with the loads that it has without friction."""
     friction = {
         name: entry.model_copy(update={"mu": LoadFriction(static=_HARDLY, kinetic=_HARDLY)})
         if entry.mu is not None
@@ -318,7 +318,7 @@ def effort_change(
 
 
 def effort_changes(here: Efforts, below: Efforts, motor: bool) -> tuple[np.ndarray, np.ndarray]:
-    """Changes (na,) of peak and of RMS of the worst end of every drive's effort."""
+    """Changes (na,) of peak and RMS of the worst end of every drive's effort."""
     worst = [
         ends_by_magnitude(*((e.motor_lower, e.motor_upper) if motor else (e.lower, e.upper)))[0]
         for e in (here, below)

@@ -141,7 +141,7 @@ class Contestant:
 
 @dataclass(frozen=True, eq=False)
 class Judge:
-    """A motion taken for true: configurations at any times, and when sites stick."""
+    """A motion taken for true: configurations at any times, and stick intervals."""
 
     name: str
     scene: Scene
@@ -149,7 +149,7 @@ class Judge:
     sticks: tuple[StickInterval, ...]
 
     def errors(self, track: JudgedTrack) -> np.ndarray:
-        """Return the largest error of any coordinate (rad or m) at each sample compared, (n,)."""
+        """Return the largest error of any coordinate (rad or m) at each compared sample, (n,)."""
         stride = max(1, len(track.t) // _COMPARED)
         chosen = np.unique(np.append(np.arange(0, len(track.t), stride), len(track.t) - 1))
         true, model = self.at(track.t[chosen]), self.scene.model
@@ -157,7 +157,7 @@ class Judge:
         return np.array([np.abs(pin.difference(model, own, other)).max() for own, other in pairs])
 
     def stick_errors(self, track: JudgedTrack) -> list[float]:
-        """Return the larger error of both ends of each true interval (s), NaN where missed."""
+        """Return the larger error of both ends of each true interval (s), NaN if missed."""
 
         def error(true: StickInterval, intervals: Sequence[StickInterval]) -> float:
             """Of the interval that overlaps a true one most."""

@@ -71,7 +71,7 @@ def _limbs(facts: RobotFacts, link: str) -> list[int]:
 
 
 def _by_length(facts: RobotFacts, mass: float) -> dict[str, pin.Inertia]:
-    """Along the longest way behind the first joint that moves."""
+    """By lengths along the longest way behind the first joint that moves."""
     steps = {joint.child: joint for joint in facts.document.joints}
 
     def length(way: list[str]) -> float:

@@ -203,7 +203,7 @@ def _turning(model: pin.Model) -> dict[int, tuple[float, float]]:
 
 
 def _own_weight(model: pin.Model, joints: Iterable[int]) -> dict[int, float]:
-    """The largest torque (N m) of each joint against its own weight in postures of its range."""
+    """Largest torque (N m) of each joint against its own weight, over postures."""
     rng, data = np.random.default_rng(0), model.createData()
     standard = pin.Model(model)
     standard.gravity.linear = np.array([0.0, 0.0, -_GRAVITY])
@@ -233,7 +233,6 @@ def in_kgf_cm(model: pin.Model, held_out: float | None) -> str:
 
 
 def _limit(model: pin.Model, kind: Any) -> float:
-    """A joint's effort limit, 0 without one."""
     limit = float(model.effortLimit[kind.idx_v]) if kind.nv == 1 else 0.0
     return limit if math.isfinite(limit) and limit < _NONE else 0.0
 
@@ -251,7 +250,7 @@ def _chain(model: pin.Model, joint: int) -> list[int]:
 def _by_weight(
     weight: float, mass: float, sliding: bool, before: Sequence[JointLoad]
 ) -> tuple[float, str]:
-    """(what a joint must stand by its weight and its chain, why)."""
+    """What a joint must stand by its weight and its chain, and why."""
     unit = "N" if sliding else "N m"
     load, why = 1.0, f"1 {unit} (no weight to estimate from)"
     if weight > 0:
@@ -266,7 +265,7 @@ def _by_weight(
 
 
 def two_digits(x: float) -> str:
-    """Return a number with two digits, without an exponent below a million: 8500, not 8.5e+03."""
+    """Return a number with two digits, below a million without an exponent."""
     return f"{float(f'{x:.2g}'):g}"
 
 

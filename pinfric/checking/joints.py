@@ -53,7 +53,7 @@ def joint_findings(facts: RobotFacts, robot: Robot | None) -> Iterator[Finding]:
 
 
 def _placement(joint: Any, facts: RobotFacts) -> Iterator[Finding]:
-    """Roll, pitch and yaw, as they are written: the document has only their matrix."""
+    """Roll, pitch and yaw as written: the document has only their matrix."""
     origin = facts.elements[joint.name].find("origin")
     rpy = [] if origin is None else [float(x) for x in origin.get("rpy", "").split()]
     worst = max(map(abs, rpy), default=0.0)

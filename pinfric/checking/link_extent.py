@@ -54,7 +54,7 @@ class Extent:
         return float(np.linalg.norm(self.size))
 
     def distance(self, point: np.ndarray) -> float:
-        """Return how far a point of the link's frame is outside the box (m); 0 within."""
+        """Return how far a point of the link's frame is outside the box, m."""
         return float(np.linalg.norm(np.maximum(np.maximum(self.low - point, point - self.high), 0)))
 
     def farthest(self, point: np.ndarray) -> float:
@@ -135,7 +135,7 @@ def _shape(
 
 
 def _volume(points: Sequence[np.ndarray]) -> float:
-    """Of the convex hull of points (m^3); 0 where they are flat."""
+    """Of the convex hull of points, m^3; 0 where they are flat."""
     if not points:
         return 0.0
     try:
@@ -154,7 +154,7 @@ def _edges(geometry: Any) -> np.ndarray:
 
 
 def place_of(origin: np.ndarray | None) -> np.ndarray:
-    """Return an <origin> as a matrix (4, 4); without one, nothing is moved."""
+    """Return an <origin> as a matrix (4, 4), without one the identity."""
     return np.eye(4) if origin is None else origin
 
 

@@ -176,7 +176,7 @@ def _is_usual(ratio: float, unit: Unit) -> bool:
 
 
 def _large_inertia(link: LinkFacts, common: Unit) -> Finding | None:
-    """The radius of gyration sqrt(J/m) against the distance to the farthest corner."""
+    """Radius of gyration sqrt(J/m) against the distance to the farthest corner."""
     moment, radius, farthest = _gyration(link)
     if radius <= _WIDE * farthest or link.inertia_share < _SHARE:
         return None
@@ -208,7 +208,7 @@ def _small_inertia(link: LinkFacts) -> Finding | None:
 
 
 def _gyration(link: LinkFacts) -> tuple[float, float, float]:
-    """Largest moment (kg m^2), its radius of gyration, and how far the link extends (m)."""
+    """Largest moment (kg m^2), its radius of gyration, and the link's extent (m)."""
     moment = max(float(np.linalg.eigvalsh(link.inertia)[2]), 0.0)
     inside = np.clip(link.com, link.extent.low, link.extent.high)
     return moment, math.sqrt(moment / link.mass), link.extent.farthest(inside)

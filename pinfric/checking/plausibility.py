@@ -28,7 +28,7 @@ def check(source: str | Path, xacro_args: Mapping[str, str] | None = None) -> Ch
     Args:
         source: a URDF (or xacro), `example-robot-data:<path below its robots folder>`, a scene
             file, or a bundled scene's name.
-        xacro_args: of a robot that is xacro; a scene has its own, `robot.xacro_args`.
+        xacro_args: of a xacro; a scene has its own, `robot.xacro_args`.
 
     Raises:
         RobotError, SceneError: it cannot be read at all.
@@ -69,7 +69,7 @@ def check_urdf(
 
 
 def is_urdf(source: str | Path) -> bool:
-    """Return whether a name means a robot, not a scene: by its end, else by how it begins."""
+    """Return whether a name means a robot, not a scene: by its suffix, else its content."""
     path = path_of(source, RobotError)
     if str(source).startswith(BUNDLED) or path.suffix.lower() in _URDF_SUFFIXES:
         return True

@@ -1,4 +1,4 @@
-"""A URDF as the checks see it: its links with their sizes, masses, and what carries them."""
+"""A URDF as the checks see it: its links' sizes, masses, and what carries them."""
 
 from __future__ import annotations
 
@@ -129,7 +129,7 @@ class RobotFacts:
 
     @cached_property
     def way(self) -> float:
-        """The longest way along the joints' origins, m, after the first joint that moves."""
+        """The longest way along the joints' origins after the first that moves, m."""
         return self._longest(from_root=False)
 
     def _longest(self, from_root: bool) -> float:
@@ -233,7 +233,7 @@ class RobotFacts:
         return tuple(facts)
 
     def oversized(self, extent: Extent) -> bool:
-        """Return whether shapes are so large beside the robot that they are in another unit."""
+        """Return whether shapes are too large beside the robot: in another unit."""
         return extent.diagonal >= max(SHAPE_OVER_REACH * self.reach, _LEAST_OVERSIZE)
 
     def moved_mass(self, joint: Any) -> float:

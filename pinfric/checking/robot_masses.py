@@ -49,7 +49,7 @@ def mass_findings(facts: RobotFacts) -> Iterator[Finding]:
 
 
 def believed_weight(facts: RobotFacts, model: pin.Model) -> float | None:
-    """Return the torque (N m) that holds the robot level; None where its masses are doubtful."""
+    """Return the torque (N m) that holds the robot level; None: its masses are doubtful."""
     total = sum(facts.masses.values())
     if total == 0.0 or any(_by_size(facts)):
         return None
@@ -57,7 +57,7 @@ def believed_weight(facts: RobotFacts, model: pin.Model) -> float | None:
 
 
 def _by_size(facts: RobotFacts) -> Iterator[Finding]:
-    """By the way along the joints, and by the convex hulls of the shapes."""
+    """By the way along the joints, and by the shapes' convex hulls."""
     moving = sum(link.mass for link in facts.links)
     shaped = [
         link
@@ -80,7 +80,7 @@ def _by_size(facts: RobotFacts) -> Iterator[Finding]:
 
 
 def _equal_masses(facts: RobotFacts) -> Iterator[Finding]:
-    """On one way from root to tip: equal legs and fingers stand side by side, on several ways."""
+    """On one way from root to tip: equal legs and fingers are on several."""
     masses = {link.name: link.mass for link in facts.links if link.mass > 0}
     for way in facts.ways:
         on_it = [masses[name] for name in way if name in masses]

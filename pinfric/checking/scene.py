@@ -143,7 +143,7 @@ def _coefficients(site: Site, scene: Scene) -> Iterator[Finding]:
 
 
 def _limits_of(site: Site, scene: Scene) -> tuple[float, float]:
-    """Effort and speed limit of a site's joint, infinite where none is given."""
+    """Effort and speed limit of a site's joint, infinite without one."""
     if site.velocity_index < 0 or site.ratio != 1.0:
         return math.inf, math.inf
     effort = float(scene.model.effortLimit[site.velocity_index])
@@ -182,7 +182,7 @@ def load_findings(scene: Scene) -> Iterator[Finding]:
 
 
 def massless_findings(scene: Scene) -> Iterator[Finding]:
-    """Yield one finding on all joints that move no mass, with all payloads and rotors."""
+    """Yield one finding on all joints that move no mass, payloads and rotors included."""
     if names := massless_joints(scene, scene.payloads):
         whole = len(names) == scene.model.nv
         place, text = (
@@ -194,7 +194,7 @@ def massless_findings(scene: Scene) -> Iterator[Finding]:
 
 
 def payload_findings(scene: Scene) -> Iterator[Finding]:
-    """Yield payloads that are too heavy, too far away, too wide, or on a link that never moves."""
+    """Yield payloads that are too heavy, far away or wide, or on a link that never moves."""
     moving = sum(inertia.mass for inertia in tuple(scene.model.inertias)[1:])
     reach, farthest = reach_of(scene.model), plausible_distance(scene.model)
     for name, payload in scene.payloads.items():

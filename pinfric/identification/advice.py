@@ -154,7 +154,6 @@ def _way(q: FloatArray, speed: FloatArray) -> tuple[WayPoint, ...]:
 def _weighed(
     estimate: Estimate, normal: Normal, name: str, points: tuple[WayPoint, ...], load: float
 ) -> Advice:
-    """Return a recording with its effect on the standard errors."""
     grams = _grams(estimate, points, load)
     more = Normal.of(grams, np.ones(1, dtype=bool), estimate.problem.weights)
     both = Normal(
@@ -178,7 +177,6 @@ def _weighed(
 
 
 def _grams(estimate: Estimate, points: tuple[WayPoint, ...], load: float) -> list[BlockProducts]:
-    """Products of the columns of a recording that is not made yet."""
     scene = estimate.scene
     columns = joint_columns(scene.model)
     file = WayPointFile(pinfric_trajectory=1, sample_rate=_RATE, points=points)

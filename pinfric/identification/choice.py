@@ -211,7 +211,6 @@ class _Judge:
         return [block_errors(self._grams[j], np.hstack((theta, slots_of[:, j]))) for j in joints]
 
     def taken(self, joint: int, errors: Mapping[Law, FloatArray]) -> Law:
-        """Return the joint's law, by its candidates' squared errors in every part."""
         own = self._problem.laws[joint]
         return simplest_adequate_law({law: errors[law] for law in own}, self.rows[joint])
 

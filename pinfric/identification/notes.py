@@ -150,7 +150,6 @@ def _by_joint(what: Mapping[str, list[str]]) -> list[str]:
 
 
 def _misfits(estimate: Estimate, shapes: Sequence[Misfit]) -> list[str]:
-    """What each joint's law does not describe, with possible causes."""
     lines = []
     for j in sorted({shape.joint for shape in shapes}):
         unit = effort_unit(estimate.scene, j)
@@ -222,7 +221,6 @@ def _of_links(estimate: Estimate) -> dict[str, list[str]]:
 
 
 def _of_logs(estimate: Estimate) -> list[str]:
-    """What a single log does not show, and what several say of the delay."""
     delay, lines = estimate.delay, []
     moving = [log.slides.any() for log in estimate.prepared]
     still = [
@@ -290,7 +288,6 @@ def _delays(estimate: Estimate) -> list[str]:
 
 
 def _of_masses(estimate: Estimate) -> list[str]:
-    """How far the links' masses have moved from the URDF's."""
     if estimate.question.no_gravity:
         return []
     if estimate.question.keep_inertias:

@@ -185,7 +185,6 @@ def _passed(
 
 
 def _low_passed(prepared: Prepared, columns: FloatArray) -> FloatArray:
-    """Columns low-passed and thinned as all others of the log."""
     step = prepared.recording.step
     columns = low_pass(columns, step, PASS) if step * PASS < 0.45 else columns
     return np.asarray(columns[prepared.kept])

@@ -75,7 +75,6 @@ def follower_warnings(
 
 
 def _urdf_limits(robot: Any) -> dict[str, JointColumn]:
-    """Limits of a URDF's joints by name."""
     limits = {}
     for joint in robot.xml().findall("joint"):
         name, kind, limit = joint.get("name", ""), joint.get("type"), joint.find("limit")

@@ -146,7 +146,6 @@ def _coarse_rows(columns: Sequence[JointColumn], t: FloatArray, positions: Float
 
 
 def _as_points(t: FloatArray, positions: FloatArray) -> str:
-    """How a way-point file of these rows begins."""
     first, second = (", ".join(f"{x:.4g}" for x in row) for row in positions[:2])
     way = f"{{q: [{first}]}}, {{q: [{second}], duration: {t[1] - t[0]:.4g}}}, "
     return f"`pinfric_trajectory: 1`, `points: [{way if positions.shape[1] <= _SHOWN else ''}...]`"

@@ -154,7 +154,6 @@ def solve_tool_points(
 
 
 def _line(tool: Tool, begin: pin.SE3, goal: pin.SE3, x: FloatArray, where: str) -> BSpline:
-    """Positions of the joints over a straight move of the tool."""
     from scipy.interpolate import make_interp_spline
 
     way = np.linspace(0.0, 1.0, _KNOTS)

@@ -321,7 +321,6 @@ def _ramp(waypoints: WayPointFile) -> float:
 def _joint_order(
     waypoints: WayPointFile, joint_names: Sequence[str], problems: list[str]
 ) -> list[int]:
-    """Return the place of each of the model's joints in the points' q."""
     if waypoints.joints is None:
         return list(range(len(joint_names)))
     names = list(waypoints.joints)

@@ -61,7 +61,7 @@ class DriveLimits(Entry):
 
     @property
     def from_catalog(self) -> tuple[Candidate, Conditions] | None:
-        """The drive of the catalogue and its conditions; None if numbers are given."""
+        """The drive of the catalogue and its conditions; None: limits are numbers."""
         return self._drive
 
     def bound(self, limit: Limit) -> float:
@@ -80,14 +80,14 @@ class DriveLimits(Entry):
 
     @property
     def over_time(self) -> tuple[float, str]:
-        """The least bound of the motor's RMS torque, N m, and the name of its row."""
+        """The least bound of the motor's RMS torque, N m, and its row's name."""
         rows = [limit for limit in LIMITS if limit.need == "motor RMS torque"]
         tightest = min(rows, key=self.bound)
         return self.bound(tightest), tightest.name
 
     @property
     def driven(self) -> bool:
-        """Whether its torque is limited; otherwise the motion has no limit."""
+        """Whether its torque is limited; else the motion has no limit."""
         line = math.isfinite(self.stall_torque) and math.isfinite(self.no_load_speed)
         return line or math.isfinite(min(self.least("motor torque"), self.least("effort")))
 
@@ -103,7 +103,7 @@ _Given = Annotated[Any, BeforeValidator(lambda x: x, json_schema_input_type=str 
 
 
 class MotorsFile(Entry):
-    """A file of motors: for each drive limits, or the name of a drive of the catalogue."""
+    """A file of motors: for each drive limits, or a drive of the catalogue."""
 
     pinfric_motors: Version = key("version of the format", 1)
     catalog: str = key(
@@ -191,7 +191,7 @@ def read_limits(scene: Scene, limits: LimitsLike) -> tuple[DriveLimits, ...]:
 
 
 def limited_scene(scene: Scene, limits: Sequence[DriveLimits]) -> Scene:
-    """Return the scene with the given drives' gears and, of a catalogue, their masses.
+    """Return the scene with the drives' gears and, of a catalogue, their masses.
 
     Raises:
         SizingError: as `equip`.
@@ -285,7 +285,6 @@ def _limits(
 
 
 def _name_of(entry: Any) -> str | None:
-    """The drive of the catalogue that limits name, or None."""
     name = entry.get("drive") if isinstance(entry, dict) else entry
     return name if isinstance(name, str) else None
 
@@ -300,7 +299,7 @@ _MUST = (
 
 
 def _check_settled(where: str, limits: DriveLimits) -> None:
-    """Refuse a drive of the catalogue whose gear or motor nothing limits: it cannot be judged."""
+    """Refuse a drive of the catalogue whose gear or motor nothing limits."""
     if limits.from_catalog is None:
         return
     candidate, conditions = limits.from_catalog
@@ -319,7 +318,6 @@ def _check_settled(where: str, limits: DriveLimits) -> None:
 
 
 def _stated(scene: Scene, i: int) -> DriveLimits:
-    """Effort and velocity as the URDF states them."""
     drive = scene.drives[i]
     effort = stated_limit(float(scene.model.effortLimit[drive.velocity_index]))
     if not math.isfinite(effort):
@@ -336,7 +334,7 @@ def joint_speeds(scene: Scene) -> np.ndarray:
 
 
 def drive_speeds(drives: Sequence[Drive], limits: Sequence[DriveLimits]) -> np.ndarray:
-    """Return (na,) the greatest speeds behind the gears: limits, motor and gear (rad/s or m/s)."""
+    """Return (na,) greatest speeds behind the gears: limits, motor and gear (rad/s or m/s)."""
     turning = [min(x.least("motor speed"), x.least("input speed")) for x in limits]
     return np.array(
         [

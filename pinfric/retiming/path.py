@@ -232,7 +232,7 @@ def load_path(path: str | File, scene: Scene) -> Path:
 
 
 def check_limits(path: Path, columns: Sequence[JointColumn]) -> None:
-    """Refuse a path that does not fit the robot: other joints, or positions beyond its limits.
+    """Refuse a path that does not fit the robot: other joints, or positions beyond limits.
 
     Raises:
         TrajectoryError: names the joint, the piece and the place.
@@ -272,7 +272,7 @@ def _roots(rate: PPoly) -> list[np.ndarray]:
 
 
 def reversals(piece: PPoly) -> np.ndarray:
-    """Return where any joint's velocity is 0 along a piece, in no order."""
+    """Return where any joint's velocity is 0 along a piece, unordered."""
     return np.concatenate(_roots(piece.derivative()))
 
 
@@ -306,7 +306,7 @@ def _spline(s: np.ndarray, points: np.ndarray) -> PPoly:
 
 
 def _turning_back(v: np.ndarray) -> np.ndarray:
-    """The slower sample of each two between which the whole motion turns back."""
+    """The slower sample of each pair between which the whole motion turns back."""
     size = np.linalg.norm(v, axis=1)
     along = (v[1:] * v[:-1]).sum(axis=1)
     at = np.flatnonzero(along < -_BACK * size[1:] * size[:-1])
@@ -314,12 +314,12 @@ def _turning_back(v: np.ndarray) -> np.ndarray:
 
 
 def _moved(position: np.ndarray, before: Any, after: Any) -> bool:
-    """Whether two times of rest are apart: at a reversal of all joints a sample may be still."""
+    """Whether two rests are apart: at a reversal of all joints a sample may be still."""
     return bool(np.abs(position[after[0]] - position[before[1]]).max() > LIMIT_TOLERANCE)
 
 
 def _sampled(position: np.ndarray) -> PPoly:
-    """A curve through the samples from one stop to the next: straight if they are."""
+    """A curve through the samples between two stops: straight if they are."""
     chords = np.linalg.norm(np.diff(position, axis=0), axis=1)
     s = np.concatenate(([0.0], np.cumsum(chords)))
     way = position[-1] - position[0]
@@ -335,7 +335,7 @@ def _sampled(position: np.ndarray) -> PPoly:
 
 
 def _checked(piece: PPoly, where: str) -> PPoly:
-    """The piece, where joints that hardly move stand still; kinks and standstills are refused."""
+    """The piece, with nearly still joints at rest; kinks and standstills are refused."""
     rate = piece.derivative()
     middle = 0.5 * (piece.x[:-1] + piece.x[1:])
     before = rate(np.nextafter(piece.x[1:-1], -np.inf))

@@ -1,4 +1,4 @@
-"""A path with its drives as one problem of `scan.fastest`: modes, limits, and what went wrong."""
+"""A path with its drives as one problem of `scan.fastest`, and what went wrong."""
 
 from __future__ import annotations
 
@@ -161,7 +161,7 @@ class PathProblem:
         return inverse_dynamics(self.scene, full, v, a, attached=attached)
 
     def _why(self, interval: int) -> str:
-        """Say where the path cannot be followed further, and which drive is at its end."""
+        """Say where the path cannot be followed further, and which drive is why."""
         grid, n = self.grid, len(self.grid.step)
         row = grid.start[interval]
         piece, s = int(grid.piece[row]), float(grid.s[row])
@@ -208,7 +208,7 @@ class PathProblem:
         return f", carrying {', '.join(carried)}" if carried else ""
 
     def limits_text(self, result: InverseResult, d: int, kind: int, what: str) -> str:
-        """Say what one drive would need in the first sample to `what`, and what it has."""
+        """Say what a drive would need in the first sample to `what`, and what it has."""
         torques = result.motor_torque_lower[0, d], result.motor_torque_upper[0, d]
         efforts = result.effort_lower[0, d], result.effort_upper[0, d]
         x, unit = self.limits[d], effort_unit(self.scene, d)

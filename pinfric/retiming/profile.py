@@ -80,7 +80,7 @@ class Profile:
         )
 
     def inside(self, shares: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return interval, x and u at the given parts of every interval: (n len(shares),) each."""
+        """Return interval, x and u at given parts of every interval, (n len(shares),) each."""
         grid = self.grid
         h = np.outer(grid.step, shares)
         k = (self.u[:, 1] - self.u[:, 0]) / grid.step
@@ -200,7 +200,7 @@ def _smoothed(
 
 
 def columns_to_velocities(columns: tuple[JointColumn, ...], x: np.ndarray) -> np.ndarray:
-    """Return (T, nv) in the model's order of velocities of one number per joint (T, nj)."""
+    """Return (T, nv) velocities in the model's order from one number per joint (T, nj)."""
     velocities = np.zeros_like(x)
     velocities[:, [column.index_v for column in columns]] = x
     return velocities

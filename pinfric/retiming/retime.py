@@ -237,8 +237,6 @@ def _check_scene(scene: Scene) -> None:
 
 
 class _Retiming:
-    """One run of `retime`."""
-
     def __init__(
         self,
         scene: Scene,
@@ -257,7 +255,6 @@ class _Retiming:
         self.tight: list[list[tuple[int, float, float, float]]] = [[]]
 
     def run(self, points: int, heat: bool, smooth: float) -> RetimeResult:
-        """Do what `retime` does; arguments see there."""
         self.check_stops()
         result = self.fastest(points, heat, smooth)
         if smooth:
@@ -309,7 +306,7 @@ class _Retiming:
         self.tight.append([])
 
     def notes(self, result: RetimeResult, heat: bool) -> Iterator[str]:
-        """Say what is exceeded, what `size` does not accept, and whose heat is not known."""
+        """Say what is exceeded, what `size` does not accept, whose heat is unknown."""
         names = [drive.name for drive in self.scene.drives]
         if result.excess > self.policy.tolerance:
             d, k = np.unravel_index(result.usage.max(axis=0).argmax(), result.usage.shape[1:])
@@ -335,7 +332,7 @@ class _Retiming:
             yield f"heat is not checked for {', '.join(cold)}: no continuous torque is known"
 
     def solve(self, points: int) -> tuple[PathProblem, Profile, RetimedSamples]:
-        """Solve; where no way is found, on finer grids: between far points it can be missed."""
+        """Solve; if no way is found, on finer grids: far points may miss it."""
         for finer in _FINER:
             try:
                 return self.refine(self.coarse(finer * points), finer * points)
@@ -345,7 +342,6 @@ class _Retiming:
         raise last
 
     def problem(self, points: list[np.ndarray]) -> PathProblem:
-        """The problem on a grid."""
         grid = make_grid(self.scene, self.path, self.columns, points)
         middle, piece = 0.5 * (grid.s[grid.start] + grid.s[grid.end]), grid.piece[grid.start]
         constant = np.zeros(len(middle), dtype=bool)
@@ -373,7 +369,7 @@ class _Retiming:
         )
 
     def check_stops(self) -> None:
-        """Refuse stops at which a drive cannot hold, with what it carries before and after."""
+        """Refuse stops at which a drive cannot hold, with what it carries there."""
         probe = self.problem([piece.x[[0, -1]] for piece in self.path.pieces])
         for p, curve in enumerate(self.path.pieces):
             for end, s in enumerate(curve.x[[0, -1]]):
@@ -395,7 +391,7 @@ class _Retiming:
         return self.problem(grids).solve()
 
     def refine(self, coarse: Profile, points: int) -> tuple[PathProblem, Profile, RetimedSamples]:
-        """Solve on the final grid, cut intervals over a limit in two, up to `_ROUNDS` times."""
+        """Solve on the final grid, halving intervals over a limit up to `_ROUNDS` times."""
         self.zones = self._zones(coarse)
         share = coarse.duration / coarse.duration.sum()
         grids = []
@@ -487,7 +483,6 @@ class _Retiming:
             grids[p] = distinct(np.array([ends.mean()]), self.path.pieces[p], grids[p])
 
     def motion(self, samples: RetimedSamples) -> Trajectory:
-        """The samples as a trajectory."""
         names = list(self.scene.payloads)
         attached = None
         if self.path.attached is not None:
@@ -526,7 +521,7 @@ class _Retiming:
         return profile, uniform + n * smooth + float(stay.sum()), use
 
     def heat_used(self, samples: RetimedSamples) -> np.ndarray:
-        """Return (na,) the part of its continuous torque that each motor uses over the cycle."""
+        """Return (na,) the part of its continuous torque that each motor uses."""
         judged = inverse_dynamics(self.scene, self.motion(samples))
         used = [rms(judged.times, torque) for torque in signals(judged)["motor torque"].T]
         return np.array(used) / [x.over_time[0] for x in self.limits]
@@ -540,7 +535,7 @@ class _Retiming:
         uniform: float | None,
         heat: np.ndarray | None,
     ) -> RetimeResult:
-        """Judge the samples and say what holds them back; `uniform` and `heat`: see `cool`."""
+        """Judge the samples and say what holds them back; `uniform`, `heat`: see `cool`."""
         trajectory = self.motion(samples)
         judged = inverse_dynamics(self.scene, trajectory)
         use = usage(judged, self.limits)

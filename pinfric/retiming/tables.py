@@ -73,7 +73,7 @@ class Tables:
 
 
 def rates_of(scene: Scene, columns: tuple[JointColumn, ...]) -> np.ndarray:
-    """Return (na, nj) how fast each drive goes per unit speed of each joint's column."""
+    """Return (na, nj) each drive's rate per unit speed of each joint."""
     return rate_rows(scene.drives, scene.model.nv)[:, [column.index_v for column in columns]]
 
 

@@ -134,7 +134,7 @@ class _Barrier:
         )
 
     def ranges(self, ends: np.ndarray) -> np.ndarray:
-        """(n, 2 sides, 2): least and greatest u at both ends of each interval, by x (n, 2)."""
+        """(n, 2 sides, 2) least and greatest u at both ends of intervals, by x (n, 2)."""
         between = np.empty((2, *ends.shape))
         ranges(self.scan, ends, *between)
         return np.moveaxis(between, 0, 2)
@@ -169,7 +169,7 @@ class _Barrier:
             share = max(share * _FALL, _LAST)
 
     def newton(self, x: np.ndarray, weight: float) -> tuple[np.ndarray, float]:
-        """One damped step; returns the new x and how much the barrier function fell."""
+        """One damped step: the new x, and how much the barrier function fell."""
         gradient, band, columns = self.derivatives(x, weight)
         fixed = ~self.free
         gradient[fixed], columns[fixed] = 0.0, 0.0
@@ -255,7 +255,7 @@ class _Barrier:
         return gradient, np.einsum("nik,nk,njk->nij", vectors, values, vectors), columns
 
     def _torque_slopes(self, x: np.ndarray) -> np.ndarray:
-        """(n, 2, na, 2) derivatives of `torques` by the speeds at an interval's two ends."""
+        """(n, 2, na, 2) derivatives of `torques` by the speeds at both ends."""
         T = self.torques(x)
         slope = np.zeros((*T.shape, 2))
         for k in range(2):  # every second point moves: an interval feels one of its ends
@@ -274,10 +274,10 @@ def _outer(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 def _ends(x: np.ndarray) -> np.ndarray:
-    """(n, 2) the values of points (n + 1,) at both ends of each interval."""
+    """(n, 2) values of points (n + 1,) at both ends of each interval."""
     return np.stack([x[:-1], x[1:]], axis=1)
 
 
 def _mean_square(T: np.ndarray) -> np.ndarray:
-    """(n, na) mean T^2 in each interval, T linear between its ends (n, 2, na)."""
+    """(n, na) mean T^2, T linear between its ends (n, 2, na)."""
     return (T[:, 0] ** 2 + T[:, 0] * T[:, 1] + T[:, 1] ** 2) / 3.0

@@ -163,7 +163,6 @@ def open_json(path: Path) -> OpenedLog:
 
 
 def _joint_names(content: Mapping[str, Any]) -> list[str]:
-    """The names of the arrays' columns, where the file has them."""
     for key in _NAMES & content.keys():
         names = np.asarray(content[key])
         if names.ndim == 1 and names.dtype.kind == "U":
@@ -228,7 +227,6 @@ def _inflated(path: Path) -> int:
 
 
 def _matlab_arrays(prefix: str, content: Mapping[str, Any]) -> Iterator[tuple[str, NDArray[Any]]]:
-    """Yield arrays of numbers from variables and nested structs."""
     for name, value in content.items():
         if hasattr(value, "_fieldnames"):
             fields = {field: getattr(value, field) for field in value._fieldnames}

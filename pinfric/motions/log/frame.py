@@ -172,7 +172,6 @@ def usable_rows(rows: RawRows, problems: list[str]) -> LogFrame:
 
 
 def _bad_cells(rows: RawRows, absent: BoolArray) -> list[str]:
-    """Say what is torn, what is no number, and what is not finite."""
     problems, lines, names = [], rows.frame.lines, rows.frame.names
     if rows.torn:
         problems.append(
@@ -203,7 +202,6 @@ def _bad_cells(rows: RawRows, absent: BoolArray) -> list[str]:
 
 
 def _remedy(cells: Sequence[str]) -> str:
-    """What to do about cells that are no numbers."""
     if any(re.search(r"\d[.:/-]\d+[.:/-]\d", cell) for cell in cells):
         return "times are seconds, or ISO 8601 (2026-11-22T10:00:00.25)"
     if any(re.fullmatch(r"-?\d+,\d+", cell) for cell in cells):

@@ -139,14 +139,12 @@ def judge_log(result: InverseResult, reading: Reading, at: str = "reflected") ->
 
 
 def _stated_at_joints(result: InverseResult, reading: Reading, at: str) -> Reading:
-    """Return a log with its efforts stated at the joints."""
     factors = zip(result.actuator_names, factors_to_joint(result.scene, at).tolist(), strict=True)
     stated = {name: x * reading.effort[name] for name, x in factors if name in reading.effort}
     return replace(reading, effort={**reading.effort, **stated})
 
 
 def _compared(result: InverseResult, reading: Reading, at: str) -> dict[str, MeasuredEffort]:
-    """Return each drive's logged effort beside the computed one, taken as `at` says."""
     effort = _stated_at_joints(result, reading, at).effort
     return {
         name: compare_effort(result, i, effort[name], at)
@@ -158,7 +156,6 @@ def _compared(result: InverseResult, reading: Reading, at: str) -> dict[str, Mea
 def _place_notes(
     result: InverseResult, at: str, places: Mapping[str, Mapping[str, MeasuredEffort]]
 ) -> tuple[str, ...]:
-    """What logged efforts are taken for, and what they fit better."""
     errors = {}
     for place, measured in places.items():
         known = [x.relative_error for x in measured.values() if np.isfinite(x.relative_error)]

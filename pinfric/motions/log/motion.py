@@ -244,7 +244,6 @@ def _leave_out_repeats(samples: Samples) -> None:
 
 
 def _less_noise(position: FloatArray, t: FloatArray, than: FloatArray) -> bool:
-    """Whether positions have clearly less noise at these times than at others."""
     return _clearly_less(
         [(noise_differences(q, t), noise_differences(q, than)) for q in position.T]
     )
@@ -318,7 +317,6 @@ def _off(position: FloatArray, t: FloatArray, velocity: FloatArray) -> FloatArra
 
 
 def _by_stamps(even: Samples, timing: Timing) -> Regular:
-    """Interpolate on the stamps, and say how irregular they are."""
     rows, stamps = even.table.position, even.table.t
     at, steps = np.clip(timing.time, stamps[0], stamps[-1]), np.diff(stamps)
     words = (

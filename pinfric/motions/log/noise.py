@@ -274,7 +274,6 @@ def motion_taken_away(seen: Spectra, cutoff: float, gaussian: bool) -> float:
 
 
 def _gain(frequency: FloatArray, cutoff: float | FloatArray, gaussian: bool) -> FloatArray:
-    """Return the gain of `low_pass`."""
     ratio = frequency / cutoff
     return np.asarray(2.0 ** -(ratio**2) if gaussian else 1.0 / (1.0 + ratio ** (2 * _BUTTERWORTH)))
 

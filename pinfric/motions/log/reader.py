@@ -233,7 +233,6 @@ def _moving_though_locked(
     locked: Mapping[str, tuple[float, str]],
     factor: float,
 ) -> list[str]:
-    """Return a line for each joint that the scene fixes, but moves in the log."""
     problems = []
     for column in columns:
         joint, quantity = meaning_of(column, tuple(locked), {}) or ("", "")
