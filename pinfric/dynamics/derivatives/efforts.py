@@ -238,7 +238,7 @@ def _drag_rate(gears: Gears, d: int, rate: float) -> float:
 @kernel
 def _shaft(x: Tables, v: np.ndarray, a: np.ndarray, width: float) -> None:
     """Write the ends of `joint_effort` = r T_m and of T_m of every drive, and their changes."""
-    gears, nv, effort, given = x.gears, v.size, x.effort, x.effort_change
+    gears, nv, effort, effort_change = x.gears, v.size, x.effort, x.effort_change
     for d in range(x.kink.size):
         rate, bend, r = 0.0, 0.0, gears.ratio[d]
         for c in range(nv):
@@ -265,7 +265,7 @@ def _shaft(x: Tables, v: np.ndarray, a: np.ndarray, width: float) -> None:
                 at,
             )
             for i in range(3 * nv):
-                change = by_low * given[0, d, i] + by_high * given[1, d, i]
+                change = by_low * effort_change[0, d, i] + by_high * effort_change[1, d, i]
                 if i >= 2 * nv:
                     change += rotor * x.rate[d, i - 2 * nv]
                 elif i >= nv:
@@ -288,8 +288,8 @@ def differentiate_efforts(
     Returns:
         False if q, v or a is not finite, or q not on its manifold: nothing is written.
     """
-    for one in (q, v, a):
-        for number in one:
+    for array in (q, v, a):
+        for number in array:
             if not abs(number) <= LARGEST_OF_A_MOTION:
                 return False
     if not is_normalized(machine.tree.unit_first, machine.tree.unit_count, q):

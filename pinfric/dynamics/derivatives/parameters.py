@@ -60,7 +60,7 @@ def by_parameters(
     Args: see `Solver.parameter_derivatives`.
     """
     scene, x, labels = derived.scene, derived.tables, []
-    found = [np.zeros((4, 0, len(scene.drives)))]  # as `ParameterDerivatives`
+    columns = [np.zeros((4, 0, len(scene.drives)))]  # as `ParameterDerivatives`
     for name in [names] if isinstance(names, str) else names:
         if name in _OF_GEARS:
             own, motors = _of_gears(scene, x, v, a, name)
@@ -79,35 +79,35 @@ def by_parameters(
                 f"{', '.join(_OF_GEARS)}"
             )
         labels += own
-        found.append(ends)
-    return ParameterDerivatives(tuple(labels), *np.concatenate(found, axis=1).transpose(0, 2, 1))
+        columns.append(ends)
+    return ParameterDerivatives(tuple(labels), *np.concatenate(columns, axis=1).transpose(0, 2, 1))
 
 
 def _of_gears(
     scene: Scene, x: Any, v: np.ndarray, a: np.ndarray, name: str
 ) -> tuple[list[str], np.ndarray]:
     """By one coefficient of every transmission; of a loss, by its slope."""
-    gears, found, geared = x.gears, [], [d.transmission is not None for d in scene.drives]
-    part, _, kind = name.partition(".")
-    if part == "loss":
+    gears, torques, geared = x.gears, [], [d.transmission is not None for d in scene.drives]
+    key, _, kind = name.partition(".")
+    if key == "loss":
         k, more = int(kind == "driven"), np.zeros_like(gears.slope)
         for first, last in zip(gears.first[:, k], gears.last[:, k], strict=True):
             more[first:last] = 1.0
         changed = gears._replace(slope=gears.slope + more, loss=gears.loss + more * gears.load)
-    elif part == "no_load_torque":
+    elif key == "no_load_torque":
         field = "no_load_static" if kind == "static" else "no_load"
         more = getattr(gears, field) + np.abs(gears.ratio)[:, None]
         changed = gears._replace(**{field: more})
     else:
-        field = part.replace("motor_", "")
+        field = key.replace("motor_", "")
         changed = gears._replace(**{field: getattr(gears, field) + 1.0})
     effort, at_rest = x.through[:, 2], np.zeros(x.effort.shape, dtype=bool)
     rates = [np.tile(x.rate @ y, (2, 1)) for y in (v, a)]
     for table in (gears, changed):
         lower, upper = np.empty((2, *effort.shape))
         write_motor_torques(table, effort, effort, *rates, at_rest, lower, upper)
-        found.append(np.array([lower[0], upper[1]]))
-    ends = np.eye(len(geared))[geared] * (found[1] - found[0])[:, None]
+        torques.append(np.array([lower[0], upper[1]]))
+    ends = np.eye(len(geared))[geared] * (torques[1] - torques[0])[:, None]
     return [f"{n}.{name}" for n, own in zip(scene.actuator_names, geared, strict=True) if own], ends
 
 
@@ -143,7 +143,7 @@ def _of_inertias(
     scene, x, twin = derived.scene, derived.tables, derived.pinocchio.twin
     if twin.opened is None:
         raise SceneError(f"{scene.source}: parameter_derivatives: too many joints for inertia")
-    free = [one[0] for one in embedded(twin, q[None], v[None], a[None])]
+    free = [array[0] for array in embedded(twin, q[None], v[None], a[None])]
     W = pin.computeJointTorqueRegressor(twin.opened, twin.opened.createData(), *free)
     wrench = np.ascontiguousarray(W.T).reshape(-1, twin.n_joints, 6)
     rigid = np.empty((len(wrench), v.size))

@@ -202,7 +202,7 @@ class Smoothed:
         applied: Sequence[AppliedWrench],
         q: np.ndarray,
         v: np.ndarray,
-        given: tuple[np.ndarray | None, np.ndarray | None],
+        inputs: tuple[np.ndarray | None, np.ndarray | None],
         dt: float = 0.0,
     ) -> tuple[np.ndarray, ...]:
         """Return y with U = u, and its derivatives by q, v and u.
@@ -211,9 +211,9 @@ class Smoothed:
         U comes nearer to u: friction is steep within w.
         """
         scene, x, nv = self._scene, self._derived.tables, v.size
-        effort, by_u, na = given[0], x.rate.T, len(scene.drives)
+        effort, by_u, na = inputs[0], x.rate.T, len(scene.drives)
         name = "motor_torque" if effort is None else "effort"
-        u = vector(name, one_of("Smoothed", *given), na, "na")
+        u = vector(name, one_of("Smoothed", *inputs), na, "na")
         if effort is None:  # rows of drives, then of joints without one
             by_u = np.zeros((nv, na))
             undriven = list(scene.mobility.undriven)
@@ -259,9 +259,9 @@ class Smoothed:
         return y, by[:, :nv], by[:, nv : 2 * nv], by[:, 2 * nv :]
 
 
-def _positive(name: str, given: float, unit: str) -> float:
+def _positive(name: str, value: float, unit: str) -> float:
     """Return one number above 0, or raise `StateError` naming it."""
-    number = real_numbers(name, given)
+    number = real_numbers(name, value)
     if number.shape != () or not 0.0 < number < np.inf:
-        raise StateError(f"{name}: {given!r}; should be one number above 0 ({unit})")
+        raise StateError(f"{name}: {value!r}; should be one number above 0 ({unit})")
     return float(number)

@@ -200,11 +200,11 @@ def _write_loads(machine: Machine, x: Tables, q: np.ndarray) -> None:
                 add_change(x, joint[s], to_world(R, p, i, six(maps, e)), 1.0, x.row)
                 x.sharp[s] |= np.abs(x.row).max() > _NONE
                 continue
-            part = contact[e] / norm
+            direction = contact[e] / norm
             for c in range(6):
-                gradient[s, c] += maps[e, c] * part
+                gradient[s, c] += maps[e, c] * direction
                 if moves:
-                    by_place[s] += scale[s] * moved[n, e, c] * F[i, c] * part
+                    by_place[s] += scale[s] * moved[n, e, c] * F[i, c] * direction
         if norm > _NONE * size:
             load[s] += norm
 

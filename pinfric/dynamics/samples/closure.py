@@ -176,22 +176,22 @@ def consistent_motion(
     expect_scene(scene, "consistent_motion")
     linkage, twin = scene.linkage, scene.twin()
     assert linkage is not None
-    given = _in_order(scene, independent)
+    chosen = _in_order(scene, independent)
     q = np.atleast_2d(real_numbers("q", q))
     rates = real_numbers("rates", rates)
     accelerations = real_numbers("accelerations", accelerations)
     v, a = np.zeros((len(q), twin.nv)), np.zeros((len(q), twin.nv))
-    v[:, given], a[:, given] = rates, accelerations
-    rest = np.setdiff1d(np.arange(twin.nv), given)
+    v[:, chosen], a[:, chosen] = rates, accelerations
+    dependent = np.setdiff1d(np.arange(twin.nv), chosen)
     for start in range(0, len(q), _BATCH):
-        part = slice(start, start + _BATCH)
-        zero = np.zeros_like(v[part])
-        state = loop_state(twin, linkage, q[part], zero, zero)
+        batch = slice(start, start + _BATCH)
+        zero = np.zeros_like(v[batch])
+        state = loop_state(twin, linkage, q[batch], zero, zero)
         J = action_maps(twin, linkage, state.p, state.R)[1][:, linkage.lambdas]
-        inverse = _inverse(J[:, :, rest], start, linkage)
-        v[part, rest] = -_times(inverse, _times(J[:, :, given], v[part][:, given]))
-        moving = loop_state(twin, linkage, q[part], v[part], a[part])
-        a[part, rest] -= _times(inverse, moving.rate_derivative[:, linkage.lambdas])
+        inverse = _inverse(J[:, :, dependent], start, linkage)
+        v[batch, dependent] = -_times(inverse, _times(J[:, :, chosen], v[batch][:, chosen]))
+        moving = loop_state(twin, linkage, q[batch], v[batch], a[batch])
+        a[batch, dependent] -= _times(inverse, moving.rate_derivative[:, linkage.lambdas])
     return v, a
 
 

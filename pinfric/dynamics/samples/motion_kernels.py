@@ -77,11 +77,11 @@ def mark_reversals(velocity: np.ndarray, stick_velocity: np.ndarray, marked: np.
     """Mark the samples of `reversals` in `marked` (T, ns)."""
     for i in range(velocity.shape[0] - 1):
         for s in range(velocity.shape[1]):
-            now, then = velocity[i, s], velocity[i + 1, s]
-            if (now > 0.0) == (then > 0.0):
+            rate, next_rate = velocity[i, s], velocity[i + 1, s]
+            if (rate > 0.0) == (next_rate > 0.0):
                 continue
-            if abs(now) > stick_velocity[s] and abs(then) > stick_velocity[s]:
-                marked[i if abs(now) <= abs(then) else i + 1, s] = True
+            if abs(rate) > stick_velocity[s] and abs(next_rate) > stick_velocity[s]:
+                marked[i if abs(rate) <= abs(next_rate) else i + 1, s] = True
 
 
 @kernel

@@ -95,10 +95,10 @@ def state_wrenches(
         twin = scene.twin(carried)
         batch = Batch.of(twin, min(stop - start, batch_size(threads)))
         for part in slices(start, stop, batch_size(threads)):
-            now = batch.first(part.stop - part.start)
-            now = Batch(now.q, now.v, now.a, out[part])
-            reactions(twin, states.q[part], states.v[part], states.a[part], now, threads)
-            subtract_external_wrenches(twin, applied, part, now)
+            buffers = batch.first(part.stop - part.start)
+            buffers = Batch(buffers.q, buffers.v, buffers.a, out[part])
+            reactions(twin, states.q[part], states.v[part], states.a[part], buffers, threads)
+            subtract_external_wrenches(twin, applied, part, buffers)
     return out
 
 
@@ -210,8 +210,8 @@ def applied_wrenches(
             f"external: should be a mapping of frames to wrenches on them, found "
             f"{type(external).__name__}"
         )
-    for name, given in (external or {}).items():
-        wrench = real_numbers(f"external[{name!r}]", given)
+    for name, array in (external or {}).items():
+        wrench = real_numbers(f"external[{name!r}]", array)
         if wrench.shape not in ((6,), (samples, 6)):
             raise StateError(
                 f"external[{name!r}]: shape {wrench.shape}; should be (6,) or ({samples}, 6), "
@@ -235,10 +235,10 @@ def external_frame(scene: Scene, name: str) -> pin.Frame:
         SceneError: there is none.
     """
     model = scene.model
-    found = [frame for frame in model.frames if frame.name == name]
-    bodies = [frame for frame in found if frame.type == pin.FrameType.BODY]
-    if bodies or found:
-        return (bodies or found)[0]
+    named = [frame for frame in model.frames if frame.name == name]
+    bodies = [frame for frame in named if frame.type == pin.FrameType.BODY]
+    if bodies or named:
+        return (bodies or named)[0]
     if model.existJointName(name):  # a model made in Python need not have frames
         return pin.Frame(name, model.getJointId(name), pin.SE3.Identity(), pin.FrameType.JOINT)
     names = [frame.name for frame in model.frames] + list(model.names)[1:]
@@ -250,10 +250,10 @@ def constant_payloads(
 ) -> Iterator[tuple[slice, Twin]]:
     """Cut `whole` into batches of constant payload, each with its twin."""
     for start, stop, carried in states.phases(scene):
-        parts = list(slices(max(start, whole.start), min(stop, whole.stop), size))
-        if parts:
+        batches = list(slices(max(start, whole.start), min(stop, whole.stop), size))
+        if batches:
             twin = scene.twin(carried)  # once: it looks whether the scene has changed
-            yield from ((part, twin) for part in parts)
+            yield from ((batch, twin) for batch in batches)
 
 
 def check_roll_moments(scene: Scene, wrench: np.ndarray, first: int) -> None:

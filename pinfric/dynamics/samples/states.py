@@ -203,7 +203,7 @@ def one_of(where: str, effort: Any, motor_torque: Any) -> np.ndarray:
 
 
 def vector(
-    name: str, given: Any, size: int, symbol: str, model: pin.Model | None = None
+    name: str, values: Any, size: int, symbol: str, model: pin.Model | None = None
 ) -> np.ndarray:
     """Return a (size,) C-ordered float array, or raise `StateError` naming it.
 
@@ -211,23 +211,23 @@ def vector(
         name, symbol: of the array and its size, for the message.
         model: of a configuration, to say in the message how it is made from angles.
     """
-    if type(given) is np.ndarray and given.dtype is _FLOAT and given.shape == (size,):
-        return np.ascontiguousarray(given)
-    array = np.atleast_1d(real_numbers(name, given))
+    if type(values) is np.ndarray and values.dtype is _FLOAT and values.shape == (size,):
+        return np.ascontiguousarray(values)
+    array = np.atleast_1d(real_numbers(name, values))
     if array.shape != (size,):
-        made = from_angles(model, array.size) if model is not None else ""
+        remedy = from_angles(model, array.size) if model is not None else ""
         raise StateError(
-            f"{name}: shape {np.shape(given)}; should be ({size},), {symbol} = {size}{made}"
+            f"{name}: shape {np.shape(values)}; should be ({size},), {symbol} = {size}{remedy}"
         )
     return array
 
 
-def _samples(name: str, given: Any, model: pin.Model) -> np.ndarray:
-    array = np.atleast_2d(real_numbers(name, given))
+def _samples(name: str, values: Any, model: pin.Model) -> np.ndarray:
+    array = np.atleast_2d(real_numbers(name, values))
     width = model.nq if name == "q" else model.nv
     if array.ndim != 2 or array.shape[1] != width:
         raise StateError(
-            f"{name}: shape {np.shape(given)}; should be (T, {width}), samples first, "
+            f"{name}: shape {np.shape(values)}; should be (T, {width}), samples first, "
             f"{'nq' if name == 'q' else 'nv'} = {width}"
             f"{from_angles(model, array.shape[-1]) if name == 'q' else ''}"
         )
@@ -254,13 +254,13 @@ _UNIT_PARTS = {
 
 def unit_parts(model: pin.Model) -> tuple[np.ndarray, np.ndarray]:
     """Return where in q (cos, sin) pairs and quaternions begin (nu,), and their lengths (nu,)."""
-    found = []
+    places = []
     for joint in model.joints[1:]:
         continuous = (0, 2 if (joint.nq, joint.nv) == (2, 1) else 0)
         first, size = _UNIT_PARTS.get(joint.shortname(), continuous)
         if size:
-            found.append((joint.idx_q + first, size))
-    begins, sizes = np.ascontiguousarray(np.array(found, dtype=np.int64).reshape(-1, 2).T)
+            places.append((joint.idx_q + first, size))
+    begins, sizes = np.ascontiguousarray(np.array(places, dtype=np.int64).reshape(-1, 2).T)
     return begins, sizes
 
 
@@ -271,16 +271,16 @@ def _on_manifold(model: pin.Model, q: np.ndarray) -> np.ndarray:
     normal = q.copy()
     largest = 0.0
     for first, size in zip(*unit_parts(model), strict=True):
-        part = slice(first, first + size)
-        norm = np.linalg.norm(q[:, part], axis=1, keepdims=True)
+        span = slice(first, first + size)
+        norm = np.linalg.norm(q[:, span], axis=1, keepdims=True)
         if (norm < 1e-6).any():
             i = int(np.argmin(norm))
             raise StateError(
-                f"q: sample {i}, columns {part.start}-{part.stop - 1}: a direction of length 0; "
+                f"q: sample {i}, columns {span.start}-{span.stop - 1}: a direction of length 0; "
                 "give (cos, sin) or a unit quaternion"
             )
         largest = max(largest, float(np.abs(norm - 1).max()))
-        normal[:, part] = q[:, part] / norm
+        normal[:, span] = q[:, span] / norm
     if largest > 1e-6:
         warnings.warn(
             f"q: not on the configuration manifold (a norm differs from 1 by {largest:.2g}); "

@@ -80,8 +80,8 @@ def embed_in_parts(
 ) -> None:
     """`twin.embed`, a part of the samples on each thread."""
     n = q.shape[0]
-    for part in numba.prange(parts):
-        i, j = part * n // parts, (part + 1) * n // parts
+    for thread in numba.prange(parts):
+        i, j = thread * n // parts, (thread + 1) * n // parts
         embed(q[i:j], v[i:j], a[i:j], joints, q_twin[i:j], v_twin[i:j], a_twin[i:j])
 
 
@@ -105,8 +105,8 @@ def bound_in_parts(  # noqa: PLR0913 - one for each table
     Where wrench is (n, nj, 0), `effort_frictionless` is known already.
     """
     n = wrench.shape[0]
-    for part in numba.prange(parts):
-        i, j = part * n // parts, (part + 1) * n // parts
+    for thread in numba.prange(parts):
+        i, j = thread * n // parts, (thread + 1) * n // parts
         here = part_of(x, i, j)
         if wrench.shape[2] > 0:
             project(wrench[i:j], joints, armature, a[i:j], here.effort_frictionless)
@@ -121,6 +121,6 @@ def reversals_in_parts(
 ) -> None:
     """`motion_kernels.mark_reversals`; each part sees the first sample of the next one."""
     n = velocity.shape[0]
-    for part in numba.prange(parts):
-        i, j = part * n // parts, min((part + 1) * n // parts + 1, n)
+    for thread in numba.prange(parts):
+        i, j = thread * n // parts, min((thread + 1) * n // parts + 1, n)
         mark_reversals(velocity[i:j], stick_velocity, marked[i:j])

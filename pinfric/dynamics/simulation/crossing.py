@@ -30,9 +30,9 @@ def first_crossing(
     bend = float(np.abs(np.diff(values, 2)).max()) if len(values) > 2 else 0.0
     for i in range(len(times) - 1):
         ends = (times[i], times[i + 1]), (values[i], values[i + 1])
-        found = _within(guard, *ends, slack, bend, _DEPTH)
-        if found is not None:
-            return found
+        crossing = _within(guard, *ends, slack, bend, _DEPTH)
+        if crossing is not None:
+            return crossing
     return None
 
 
@@ -59,9 +59,9 @@ def _within(
     middle = 0.5 * (start + end)
     at_middle = guard(middle)
     bend = max(0.25 * bend, abs(at_start - 2.0 * at_middle + at_end))
-    found = _within(guard, (start, middle), (at_start, at_middle), slack, bend, depth - 1)
-    if found is not None:
-        return found
+    crossing = _within(guard, (start, middle), (at_start, at_middle), slack, bend, depth - 1)
+    if crossing is not None:
+        return crossing
     return _within(guard, (middle, end), (at_middle, at_end), slack, bend, depth - 1)
 
 
@@ -78,6 +78,6 @@ def root(guard: Guard, start: float, end: float) -> float:
     if guard(end) >= 0.0:  # a guard of iterated friction, within its rounding
         return end
     tolerance = 4.0 * np.finfo(float).eps
-    found = float(brentq(guard, start, end, xtol=1e-15 * max(1.0, abs(end)), rtol=tolerance))
-    after = min(found + 8.0 * np.finfo(float).eps * max(1.0, abs(end)), end)
-    return after if guard(found) >= 0.0 > guard(after) else min(found, end)
+    time = float(brentq(guard, start, end, xtol=1e-15 * max(1.0, abs(end)), rtol=tolerance))
+    after = min(time + 8.0 * np.finfo(float).eps * max(1.0, abs(end)), end)
+    return after if guard(time) >= 0.0 > guard(after) else min(time, end)

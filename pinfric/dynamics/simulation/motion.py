@@ -192,14 +192,14 @@ class Motion(Shown):
 
     def stick_intervals(self) -> tuple[StickInterval, ...]:
         """Return when each site sticks, in the order of the sites; ends as located, not sampled."""
-        found = []
+        intervals = []
         for s, site in enumerate(self.scene.sites):
             if not site.law.dry:
                 continue
             for first, last in runs(self.phase_modes[:, s] == 0):
                 start, end = self.phase_t[first], self.phase_t[last + 1]
-                found.append(StickInterval(site.name, float(start), float(end)))
-        return tuple(found)
+                intervals.append(StickInterval(site.name, float(start), float(end)))
+        return tuple(intervals)
 
     def sample(self, t: Any) -> Motion:
         """Return the motion at other times (T',), from the integrator's polynomials.
@@ -358,8 +358,8 @@ def scene_digests(scene: Scene, given: str) -> dict[str, str]:
         parts["loops"] = [loop.model_dump() for loop in scene.loops]
         parts["actuators"] = actuators
     return {
-        name: hashlib.sha256(json.dumps(part).encode()).hexdigest()[:16]
-        for name, part in parts.items()
+        name: hashlib.sha256(json.dumps(content).encode()).hexdigest()[:16]
+        for name, content in parts.items()
     }
 
 
@@ -401,17 +401,17 @@ class Dense:
         """`integrate` from start to end; in halves where a gear's mesh reverses: its loss bends."""
         nodes, weights = np.polynomial.legendre.leggauss(6)
         half = (end - start) / 2
-        part = self.sample(motion, start + half * (1 + nodes))
+        samples = self.sample(motion, start + half * (1 + nodes))
         if motion.motor_torque is not None and depth < _MOST_HALVES:
             lossy = lossy_gears(motion.scene.gears())
-            either = np.minimum(part.effort.max(axis=0), -part.effort.min(axis=0))
+            either = np.minimum(samples.effort.max(axis=0), -samples.effort.min(axis=0))
             size = np.abs(motion.effort).max(axis=0, initial=0.0)
             if (either > _ROUNDING * size)[lossy].any():
                 middle, deeper = start + half, depth + 1
                 return self._integral(motion, start, middle, deeper) + self._integral(
                     motion, middle, end, deeper
                 )
-        return np.asarray(half * (weights @ powers(part)))
+        return np.asarray(half * (weights @ powers(samples)))
 
 
 def columns(scene: Scene, rows: list[Row], given: str) -> dict[str, Any]:
@@ -420,11 +420,11 @@ def columns(scene: Scene, rows: list[Row], given: str) -> dict[str, Any]:
     times, numbers = zip(*rows, strict=True)
     ends = np.cumsum([scene.model.nq, nv, nv, na, ns, ns, ns])
     parts = np.split(np.array(numbers), ends, axis=1)
-    found = {name: x.copy() for name, x in zip((*names, "motor_torque"), parts, strict=True)}
-    found["modes"] = found["modes"].astype(np.int8)
+    arrays = {name: x.copy() for name, x in zip((*names, "motor_torque"), parts, strict=True)}
+    arrays["modes"] = arrays["modes"].astype(np.int8)
     if given == "effort":
-        del found["motor_torque"]
-    return {"t": np.array(times), **found}
+        del arrays["motor_torque"]
+    return {"t": np.array(times), **arrays}
 
 
 def powers(motion: Motion) -> np.ndarray:
@@ -435,16 +435,16 @@ def powers(motion: Motion) -> np.ndarray:
     """
     scene, torque = motion.scene, motion.motor_torque
     drives, sites = working_rates(scene, motion.q, motion.v)
-    given, lost = motion.effort, np.zeros_like(drives)
+    drive_effort, lost = motion.effort, np.zeros_like(drives)
     if torque is not None:
         # a motion says itself what stands still: there rates are 0; all else loses as it slips
         gears = scene.gears()
         gears = gears._replace(stick_velocity=np.zeros_like(gears.stick_velocity))
-        given, still = torque * gears.ratio, drives == 0.0
+        drive_effort, still = torque * gears.ratio, drives == 0.0
         lower, upper = np.empty((2, *drives.shape))
         write_motor_torques(
             gears, motion.effort, motion.effort, drives, np.zeros_like(drives), still, lower, upper
         )
         lost = np.where(still, 0.0, (lower * gears.ratio - motion.effort) * drives)
-    work = (given * drives).sum(axis=1, keepdims=True)
+    work = (drive_effort * drives).sum(axis=1, keepdims=True)
     return np.concatenate([work, -motion.friction * sites, lost], axis=1)

@@ -59,8 +59,8 @@ def load_motion(path: str | Path, scene: Scene) -> Motion:
         raise SimulationError(f"{where}: format {found}; this pinfric reads {FORMAT}")
     what = f"{where}: is not a motion that pinfric saved"
     about = parse(_About, content, what, SimulationError)
-    now = scene_digests(scene, "motor_torque" if "motor_torque" in arrays else "effort")
-    differ = [part for part, digest in now.items() if about.scene.get(part) != digest]
+    digests = scene_digests(scene, "motor_torque" if "motor_torque" in arrays else "effort")
+    differ = [name for name, digest in digests.items() if about.scene.get(name) != digest]
     if differ:
         raise SimulationError(
             f"{where}: was simulated with another scene ({about.source}); {scene.source} differs "
@@ -91,7 +91,7 @@ def _contents(path: Path, where: str) -> tuple[Any, dict[str, Any]]:
         ) from None
     try:
         with zipfile.ZipFile(io.BytesIO(content)) as parts:
-            if sum(part.file_size for part in parts.infolist()) > _LARGEST:
+            if sum(member.file_size for member in parts.infolist()) > _LARGEST:
                 raise ValueError(f"more than {_LARGEST / 2**20:.0f} MiB")
         with np.load(io.BytesIO(content), allow_pickle=False) as file:
             about = json.loads(str(file["about"]))

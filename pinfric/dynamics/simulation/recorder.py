@@ -60,10 +60,10 @@ class Recorder:
             ws.failures.check_roll_moments(ws.wrench)
         except RollMomentError as problem:
             raise timed(problem, t) from None
-        found = [q, v, ws.a, ws.effort, ws.site_modes, ws.phi, ws.load]
+        row = [q, v, ws.a, ws.effort, ws.site_modes, ws.phi, ws.load]
         if ws.given == "motor_torque":
-            found.append(self.system.u / ws.plan.drives.gears.ratio)
-        return t, np.concatenate(found)
+            row.append(self.system.u / ws.plan.drives.gears.ratio)
+        return t, np.concatenate(row)
 
     def sample(self, t: float, q: np.ndarray, v: np.ndarray) -> None:
         """Keep the system's present solution, in place of a sample at the same time."""
@@ -106,15 +106,15 @@ class Recorder:
         self.phase(t)
         if not (turned.any() or (ws.modes.stuck != before.stuck).any()):
             return
-        for (name, c, _), now in zip(ws.places, ws.place_modes.tolist(), strict=True):
+        for (name, c, _), mode in zip(ws.places, ws.place_modes.tolist(), strict=True):
             if not ws.plan.coordinates.dry[c]:
                 continue
             if ws.modes.stuck[c] and not before.stuck[c]:
                 self.event(t, name, "stick", 0)
             elif before.stuck[c] and not ws.modes.stuck[c]:
-                self.event(t, name, "slip", now)
+                self.event(t, name, "slip", mode)
             elif turned[c]:
-                self.event(t, name, "reversal", now)
+                self.event(t, name, "reversal", mode)
 
     def watch_limits(
         self, start: float, end: float, configuration: Callable[[float], np.ndarray]
@@ -199,9 +199,9 @@ def _limits(scene: Scene) -> tuple[list[str], np.ndarray, np.ndarray, np.ndarray
     """Names, indices in q and bounds of the one-number joints that have a range."""
     model = scene.model
     lower, upper = np.array(model.lowerPositionLimit), np.array(model.upperPositionLimit)
-    one = (np.array(model.nqs) == 1) & (np.array(model.nvs) == 1)
-    index = np.array(model.idx_qs)[one]
+    single = (np.array(model.nqs) == 1) & (np.array(model.nvs) == 1)
+    index = np.array(model.idx_qs)[single]
     ranged = (np.abs(lower[index]) < 1e300) | (np.abs(upper[index]) < 1e300)
-    found = index[ranged]
-    names = [str(model.names[j]) for j in np.flatnonzero(one)[ranged].tolist()]
-    return names, found, lower[found], upper[found]
+    indices = index[ranged]
+    names = [str(model.names[j]) for j in np.flatnonzero(single)[ranged].tolist()]
+    return names, indices, lower[indices], upper[indices]

@@ -25,9 +25,9 @@ class RegularizedIntegration(Integration):
         ws, velocity = self.ws, self.settings.regularization_velocity
         rates = ws.constraints.rates(q, v)
         speed = ws.mechanism.speeds(rates)
-        part = np.divide(rates, speed, out=np.zeros_like(rates), where=speed > 0.0)
+        share = np.divide(rates, speed, out=np.zeros_like(rates), where=speed > 0.0)
         dry, site_coordinate = ws.plan.coordinates.dry, ws.plan.site_coordinate
-        direction = np.where(dry, np.tanh(speed / velocity), 1.0) * part
+        direction = np.where(dry, np.tanh(speed / velocity), 1.0) * share
         held = dry & np.isin(ws.plan.coordinates.velocity_index, ws.held)  # no mass: they rest
         self.given = GivenModes(held, direction, balls_turn=False)
         a = self.system.solve_given_modes(t, q, v, self.given)

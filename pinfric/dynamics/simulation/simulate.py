@@ -146,15 +146,15 @@ def simulate(
     array([0.237])
     """
     settings, (q, v) = _read(scene, method, t_end, numbers), _start(scene, q0, v0)
-    made = make_effort(scene, effort, breakpoints, motor_torque)
+    drive_efforts = make_effort(scene, effort, breakpoints, motor_torque)
     if settings.control_period is not None:
-        made = _held(made, settings, breakpoints)
+        drive_efforts = _held(drive_efforts, settings, breakpoints)
     if numbers.get("max_step") is None:
-        settings = replace(settings, max_step=_longest_step(made, method, settings.t_end))
+        settings = replace(settings, max_step=_longest_step(drive_efforts, method, settings.t_end))
     applied = applied_wrenches(scene, external, 1)
     carried = payload_names(attached)
-    with lent(scene, carried, made.given == "motor_torque") as ws:
-        system = System(ws, made, applied)
+    with lent(scene, carried, drive_efforts.given == "motor_torque") as ws:
+        system = System(ws, drive_efforts, applied)
         record = Recorder(scene, system, method, settings.sample_step, carried)
         if ws.held.size:
             names = [velocity_names(scene.model)[k] for k in ws.held.tolist()]
@@ -197,9 +197,9 @@ def simulate_constant(
         t_end: s.
         numbers: of the method `event`.
     """
-    made = Effort(lambda t, q, v: effort, np.zeros(0), np.inf, ws.given, held=True)
+    drive_efforts = Effort(lambda t, q, v: effort, np.zeros(0), np.inf, ws.given, held=True)
     settings = _settings("event", t_end, **numbers)
-    system = System(ws, made, [])
+    system = System(ws, drive_efforts, [])
     record = Recorder(ws.scene, system, "event", settings.sample_step, carried)
     return _run("event", system, settings, record, q0, v0)
 

@@ -34,8 +34,8 @@ def start_state(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
         for name, joint in zip(scene.joint_names, scene.model.joints[1:], strict=True)
         if joint.nv == 1
     ]
-    for section, given in (("q", start.q), ("v", start.v)):
-        for name in given:
+    for section, entries in (("q", start.q), ("v", start.v)):
+        for name in entries:
             if name not in single:
                 raise SceneError(
                     f"{scene.source}: simulation.start.{section}: there is no one-degree joint "

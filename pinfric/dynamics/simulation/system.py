@@ -45,8 +45,8 @@ class Chart:
         local: list[int] = []
         for joint in model.joints[1:]:
             if joint.shortname() in _LOCAL:
-                part = slice(joint.idx_q, joint.idx_q + joint.nq)
-                base[part] = q[part]
+                entries = slice(joint.idx_q, joint.idx_q + joint.nq)
+                base[entries] = q[entries]
                 last = joint.idx_v + joint.nv
                 local += range(last - _LOCAL[joint.shortname()], last)
         return cls(model, base, np.array(local, dtype=int), model.nq == model.nv)
@@ -172,7 +172,7 @@ class System:
     def _ask(self, at: float, t: float, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         """Call the function at a time (s) beside t, which messages name."""
         try:
-            given = self.effort.function(at, q, v)
+            answer = self.effort.function(at, q, v)
         except PinfricError:
             raise
         except Exception as problem:
@@ -182,9 +182,9 @@ class System:
                 f"{problem}{called}"
             ) from problem
         try:
-            if type(given) is not np.ndarray and isinstance(given, Mapping):
-                given = by_name(self.ws.scene.actuator_names, given, self.ws.given)
-            u = real_numbers(self.ws.given, given)
+            if type(answer) is not np.ndarray and isinstance(answer, Mapping):
+                answer = by_name(self.ws.scene.actuator_names, answer, self.ws.given)
+            u = real_numbers(self.ws.given, answer)
             u = u if u.ndim else u[None]
         except StateError as problem:
             raise SimulationError(
