@@ -26,15 +26,15 @@ _OTHERS = {
 }
 
 
-def real_numbers(name: str, given: Any, error: type[PinfricError] = StateError) -> np.ndarray:
+def real_numbers(name: str, value: Any, error: type[PinfricError] = StateError) -> np.ndarray:
     """Return a C-ordered array of float64 (the given one, if it is one), or raise `error`.
 
     NumPy alone would drop imaginary parts, and read True as 1 and "2" as 2.
     """
-    if type(given) is np.ndarray and given.dtype is _FLOAT and given.flags.c_contiguous:
-        return given
+    if type(value) is np.ndarray and value.dtype is _FLOAT and value.flags.c_contiguous:
+        return value
     try:
-        array = np.asarray(given)
+        array = np.asarray(value)
     except (TypeError, ValueError) as problem:
         text = " ".join(str(problem).split())
         raise error(f"{name}: is not an array of numbers: {text}") from None
@@ -44,23 +44,23 @@ def real_numbers(name: str, given: Any, error: type[PinfricError] = StateError) 
     return np.asarray(array, dtype=float, order="C")
 
 
-def flags(name: str, given: Any) -> np.ndarray:
+def flags(name: str, value: Any) -> np.ndarray:
     """Return an array of bool from bools or numbers 0 and 1; raise StateError for anything else."""
-    array = given if isinstance(given, np.ndarray) and given.dtype == bool else np.asarray(given)
+    array = value if isinstance(value, np.ndarray) and value.dtype == bool else np.asarray(value)
     if array.dtype != bool:
-        array = real_numbers(name, given)
+        array = real_numbers(name, value)
         if not np.isin(array, (0.0, 1.0)).all():
             raise StateError(f"{name}: holds other numbers than 0 and 1; give true or false")
     return np.asarray(array, dtype=bool)
 
 
-def whole_number(name: str, given: Any, least: int = 1) -> int:
+def whole_number(name: str, value: Any, least: int = 1) -> int:
     """Return a whole number, Python's or NumPy's, of at least `least`.
 
     Raises:
         StateError: anything else, also 2.0 and True.
     """
-    whole = isinstance(given, int | np.integer) and not isinstance(given, bool)
-    if not whole or given < least:
-        raise StateError(f"{name} = {given!r}; should be a whole number of at least {least}")
-    return int(given)
+    whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
+    if not whole or value < least:
+        raise StateError(f"{name} = {value!r}; should be a whole number of at least {least}")
+    return int(value)

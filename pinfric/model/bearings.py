@@ -329,8 +329,8 @@ class Linear(Bearing):
         """See `Bearing.without_bending`."""
         if not self.moment:
             return self
-        left = self.radial or self.axial or self.preload
-        return self.model_copy(update={"moment": 0.0}) if left else None
+        loaded = self.radial or self.axial or self.preload
+        return self.model_copy(update={"moment": 0.0}) if loaded else None
 
 
 @bearing_kind

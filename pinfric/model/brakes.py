@@ -44,10 +44,10 @@ class HoldingBrake(Entry):
     @model_validator(mode="after")
     def _most_is_more(self) -> HoldingBrake:
         for most in ("torque_max", "static_torque"):
-            given = getattr(self, most)
-            if given is not None and given < self.torque:
+            greatest = getattr(self, most)
+            if greatest is not None and greatest < self.torque:
                 raise ValueError(
-                    f"{most} {given:g} N m is less than torque {self.torque:g} N m: `torque` is "
+                    f"{most} {greatest:g} N m is less than torque {self.torque:g} N m: `torque` is "
                     "the least that it holds"
                 )
         return self

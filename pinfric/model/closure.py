@@ -204,9 +204,9 @@ def full_pivot(A: np.ndarray, scale: float = 0.0) -> tuple[int, list[int]]:
     columns = list(range(A.shape[1]))
     largest = max(float(np.abs(A).max(initial=0.0)), scale)
     for k in range(min(A.shape)):
-        rest = np.abs(A[k:, k:])
-        i, j = divmod(int(np.argmax(rest)), rest.shape[1])
-        if not rest[i, j] > RANK * largest:
+        remaining = np.abs(A[k:, k:])
+        i, j = divmod(int(np.argmax(remaining)), remaining.shape[1])
+        if not remaining[i, j] > RANK * largest:
             return k, columns
         A[[k, k + i]] = A[[k + i, k]]
         A[:, [k, k + j]] = A[:, [k + j, k]]
@@ -256,18 +256,18 @@ def closed_configurations(
         SceneError: a loop that cannot close.
     """
     held = np.zeros(twin.nv, dtype=bool)
-    found: list[np.ndarray] = []
+    closed: list[np.ndarray] = []
     least = np.full(linkage.multipliers, np.inf)
     for guess in guesses(twin.model, start):
         q, gap = approach(twin, linkage, guess, held)
         if np.abs(gap).max(initial=0.0) <= CLOSED * linkage.size:
-            found.append(q)
+            closed.append(q)
         elif np.linalg.norm(gap) < np.linalg.norm(least):
             least = gap
-        if len(found) == wanted:
-            return found
-    if found:
-        return found
+        if len(closed) == wanted:
+            return closed
+    if closed:
+        return closed
     loop = linkage.name_of_row(int(np.argmax(np.abs(least))))
     turning = linkage.turning
     way, angle = np.linalg.norm(least[~turning]), np.linalg.norm(least[turning]) / linkage.size

@@ -57,5 +57,5 @@ def read_table(
     except (OSError, ValueError, csv.Error) as problem:  # also a name that no file system takes
         reason = getattr(problem, "strerror", None) or str(problem)
         raise error(f"{where}: cannot be read: {reason}") from None
-    (_, header), *rest = rows or [(1, [])]
-    return separator, header, [(line, row) for line, row in rest if any(row)]
+    (_, header), *below = rows or [(1, [])]
+    return separator, header, [(line, row) for line, row in below if any(row)]

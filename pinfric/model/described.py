@@ -93,23 +93,23 @@ def derived(unit: str = "", heading: str = "", cell: str = "") -> Callable[[_Met
 
 
 @dataclass_transform(frozen_default=True, field_specifiers=(quantity, dataclasses.field))
-def described(made: _Class) -> _Class:
+def described(cls: _Class) -> _Class:
     """Make a frozen dataclass whose docstring lists its described fields as attributes."""
-    dataclasses.dataclass(frozen=True)(made)  # the same class, completed
+    dataclasses.dataclass(frozen=True)(cls)  # the same class, completed
     lines = [
         textwrap.fill(
-            f"{entry.name}: {found.meaning}{f' ({found.unit})' * bool(found.unit)}.",
+            f"{entry.name}: {stated.meaning}{f' ({stated.unit})' * bool(stated.unit)}.",
             92,
             initial_indent="    ",
             subsequent_indent=" " * 8,
         )
-        for entry in dataclasses.fields(made)
-        if (found := entry.metadata.get("quantity"))
+        for entry in dataclasses.fields(cls)
+        if (stated := entry.metadata.get("quantity"))
     ]
-    text = textwrap.dedent(f"    {made.__doc__ or ''}").strip()
-    made.__doc__ = "\n".join([text, *([""] if "Attributes:" in text else ["", "Attributes:"])])
-    made.__doc__ += "\n" + "\n".join(lines) + "\n"
-    return made
+    text = textwrap.dedent(f"    {cls.__doc__ or ''}").strip()
+    cls.__doc__ = "\n".join([text, *([""] if "Attributes:" in text else ["", "Attributes:"])])
+    cls.__doc__ += "\n" + "\n".join(lines) + "\n"
+    return cls
 
 
 def gathered(kind: Callable[..., _Result], source: Any, **own: Any) -> _Result:
@@ -194,11 +194,11 @@ class Schema:
         if kind.__name__ not in self.defs:
             self.defs[kind.__name__] = {}  # it may hold itself
             keys = {}
-            for name, found in quantities(kind).items():
-                unit = {"unit": found.unit} if found.unit else {}
+            for name, stated in quantities(kind).items():
+                unit = {"unit": stated.unit} if stated.unit else {}
                 keys[name] = {
                     **self.of_type(_annotation(kind, name)),
-                    "description": found.meaning,
+                    "description": stated.meaning,
                     **unit,
                 }
             first = (kind.__doc__ or "").partition("\n")[0]
@@ -209,11 +209,11 @@ class Schema:
         """Return the schema of an annotation."""
         origin, inner = typing.get_origin(kind), typing.get_args(kind)
         if origin in (typing.Union, types.UnionType):
-            return {"anyOf": [self.of_type(part) for part in inner]}
+            return {"anyOf": [self.of_type(argument) for argument in inner]}
         if origin is tuple and len(inner) == 2 and inner[1] is Ellipsis:
             return {"type": "array", "items": self.of_type(inner[0])}
         if origin is tuple:
-            return {"type": "array", "prefixItems": [self.of_type(part) for part in inner]}
+            return {"type": "array", "prefixItems": [self.of_type(argument) for argument in inner]}
         if isinstance(origin, type) and issubclass(origin, Mapping):
             return {"type": "object", "additionalProperties": self.of_type(inner[1])}
         if kind is float:

@@ -392,6 +392,6 @@ def gear_torque_bounds(
     """Return `motor_torque_bounds` of one drive, from its `gear_table`."""
     samples = effort_lower, effort_upper, velocity, acceleration, at_rest
     lower, upper = np.empty((2, len(effort_lower), 1))
-    columns = (np.ascontiguousarray(given)[:, None] for given in samples)
+    columns = (np.ascontiguousarray(sample)[:, None] for sample in samples)
     write_motor_torques(gears, *columns, lower, upper)
     return lower[:, 0], upper[:, 0]

@@ -148,19 +148,19 @@ class Entry(BaseModel):
 
     @model_validator(mode="before")
     @classmethod
-    def _known_keys(cls, given: Any) -> Any:
+    def _known_keys(cls, data: Any) -> Any:
         """Replace the value of an unknown key by the list of known keys, for pydantic's message.
 
         Keys that the mapping already has are not suggested.
         """
-        if not isinstance(given, dict):
-            return given
+        if not isinstance(data, dict):
+            return data
         names = cls.key_names()
         return {
             name: value
             if name in names
-            else removed(f"{cls.__name__}.{name}") or choose_from(name, names, given)
-            for name, value in given.items()
+            else removed(f"{cls.__name__}.{name}") or choose_from(name, names, data)
+            for name, value in data.items()
         }
 
     def questions(self) -> Iterator[str]:
@@ -194,7 +194,7 @@ def register_kind(table: dict[str, Any], cls: type[BaseModel]) -> None:
 
 def place(path: Iterable[int | str]) -> str:
     """Return the path of a key for messages, e.g. actuators[1].transmission.ratio."""
-    parts = (f"[{part}]" if isinstance(part, int) else f".{part}" for part in path)
+    parts = (f"[{key}]" if isinstance(key, int) else f".{key}" for key in path)
     return "".join(parts).removeprefix(".")
 
 
@@ -271,12 +271,12 @@ def _key_at(
 ) -> tuple[FieldInfo | None, list[type[BaseModel]]]:
     """Return the field of a key, None if it is unknown, and the classes that it may be."""
     classes, field = [entry], None
-    for number, part in enumerate(loc):
-        owner = next((one for one in classes if part in one.model_fields), None)
+    for number, key in enumerate(loc):
+        owner = next((one for one in classes if key in one.model_fields), None)
         if owner is None:  # the name of a union's member, or a place in a list or a mapping
             field = field if number < len(loc) - 1 else None
             continue
-        field = owner.model_fields[str(part)]
+        field = owner.model_fields[str(key)]
         classes = list(_entries_in(field.annotation))
     return field, classes
 
@@ -305,8 +305,8 @@ def _entries_in(annotation: Any) -> Iterator[type[BaseModel]]:
     """Yield the entries that an annotation names."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         yield annotation
-    for part in get_args(annotation):
-        yield from _entries_in(part)
+    for argument in get_args(annotation):
+        yield from _entries_in(argument)
     for form in getattr(annotation, "forms", {}).values():
         yield from _entries_in(form)
 
@@ -317,10 +317,10 @@ def _path(loc: tuple[int | str, ...], content: Any, missing: bool) -> list[int |
     `missing` says that the last part is a missing key.
     """
     path: list[int | str] = []
-    for part in loc:
+    for key in loc:
         inside = range(len(content)) if isinstance(content, list | tuple) else content
-        if isinstance(inside, dict | range) and part in inside:
-            path, content = [*path, part], content[part]
+        if isinstance(inside, dict | range) and key in inside:
+            path, content = [*path, key], content[key]
     return [*path, loc[-1]] if missing else path
 
 
@@ -339,13 +339,13 @@ def unlikely(
         yield f"{key} = {number}: {USUALLY} {usual}; {hint or 'check the unit'}"
 
 
-def _questions(made: Any, at: tuple[int | str, ...]) -> Iterator[tuple[tuple[int | str, ...], str]]:
+def _questions(node: Any, at: tuple[int | str, ...]) -> Iterator[tuple[tuple[int | str, ...], str]]:
     """Plausibility warnings of the entries at and below a place, each with its place."""
-    if isinstance(made, Entry):
-        yield from ((at, text) for text in made.questions())
-    parts: Iterable[tuple[Any, Any]] = enumerate(made) if isinstance(made, list | tuple) else ()
-    if isinstance(made, BaseModel | dict):
-        parts = made.items() if isinstance(made, dict) else vars(made).items()
-    for name, part in parts:
-        if isinstance(part, BaseModel | dict | list | tuple):
-            yield from _questions(part, (*at, name))
+    if isinstance(node, Entry):
+        yield from ((at, text) for text in node.questions())
+    parts: Iterable[tuple[Any, Any]] = enumerate(node) if isinstance(node, list | tuple) else ()
+    if isinstance(node, BaseModel | dict):
+        parts = node.items() if isinstance(node, dict) else vars(node).items()
+    for name, value in parts:
+        if isinstance(value, BaseModel | dict | list | tuple):
+            yield from _questions(value, (*at, name))

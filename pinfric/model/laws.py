@@ -88,15 +88,15 @@ def checked_law(friction: Friction, default_stick_velocity: float) -> FrictionLa
 
 
 def _check_term(term: FrictionTerm, stribeck: Stribeck | None) -> None:
-    rest, rows, name = term.at_rest(), term.rows(stribeck), type(term).__name__
+    at_rest, rows, name = term.at_rest(), term.rows(stribeck), type(term).__name__
 
     def holds(value: object, kind: type[tuple[float, ...]]) -> bool:
         return isinstance(value, kind) and all(isinstance(x, Real) and x >= 0.0 for x in value)
 
-    if not (holds(rest, Strength) and max(rest) < math.inf):
+    if not (holds(at_rest, Strength) and max(at_rest) < math.inf):
         raise SceneError(
             f"{name}.at_rest: should return a Strength, finite and not negative; found "
-            f"{brief(rest)}"
+            f"{brief(at_rest)}"
         )
     if not isinstance(rows, tuple | list) or not all(
         isinstance(row, tuple)
@@ -111,9 +111,9 @@ def _check_term(term: FrictionTerm, stribeck: Stribeck | None) -> None:
     dry = Strength()
     for shape, strength in rows:
         dry = _sum(dry, strength) if shape.power == 0.0 else dry
-    if any(least > (1.0 + 1e-9) * most for least, most in zip(dry, rest, strict=True)):
+    if any(least > (1.0 + 1e-9) * most for least, most in zip(dry, at_rest, strict=True)):
         raise SceneError(
-            f"{name}.at_rest: {brief(rest)} is less than its rows without a power of the speed, "
+            f"{name}.at_rest: {brief(at_rest)} is less than its rows without a power of the speed, "
             f"{brief(dry)}: return at least their sum, or a joint that slips could not stop"
         )
 

@@ -253,23 +253,23 @@ def _friction_columns(
     source: str,
 ) -> np.ndarray:
     """(np,) first friction column of each pair or -1; columns of loops' joints are added."""
-    found = np.full(len(pairs), -1, dtype=np.int64)
+    column_of = np.full(len(pairs), -1, dtype=np.int64)
     for drive in drives:
         pair = columns[drive.column][0]
         if pairs[pair]["kind"] == CYLINDER and drive.name in friction:
             check_bearing(friction[drive.name], "cylinder", f"{source}: friction.{drive.name}")
-            found[pair] = drive.column
+            column_of[pair] = drive.column
     for row, loop in enumerate(loops):
         if loop.name in friction:
             check_loop_friction(loop, friction[loop.name], f"{source}: friction.{loop.name}")
-            found[row] = len(columns)
+            column_of[row] = len(columns)
             free = (
                 np.eye(6)[3:]
                 if loop.kind == "spherical"
                 else [_free_direction(loop.kind, pairs[row]["axis"])]
             )
             columns += [(row, unit) for unit in free]
-    return found
+    return column_of
 
 
 def stand_still(
@@ -494,11 +494,11 @@ def _frame(model: pin.Model, link: str, local: pin.SE3, where: str) -> tuple[int
     return frame.parentJoint - 1, frame.placement * local
 
 
-def _direction(given: Sequence[float], where: str) -> np.ndarray:
-    direction = np.array(given, dtype=float)
+def _direction(vector: Sequence[float], where: str) -> np.ndarray:
+    direction = np.array(vector, dtype=float)
     length = float(np.linalg.norm(direction))
     if length < 1e-9:
-        raise SceneError(f"{where}: {list(given)} has no direction; its length must not be 0")
+        raise SceneError(f"{where}: {list(vector)} has no direction; its length must not be 0")
     return direction / length
 
 

@@ -190,13 +190,13 @@ def fix_joint(joint: ElementTree.Element, position: float) -> None:
     """Make a joint of one degree of freedom a fixed one at a position (rad or m)."""
     if joint.get("type") == "fixed":
         return
-    origin, given = joint.find("origin"), joint.find("axis")
+    origin, axis_tag = joint.find("origin"), joint.find("axis")
     if origin is None:
         origin = ElementTree.SubElement(joint, "origin")
     place, angles = (
-        np.array(origin.get(part, "0 0 0").split(), dtype=float) for part in ("xyz", "rpy")
+        np.array(origin.get(key, "0 0 0").split(), dtype=float) for key in ("xyz", "rpy")
     )
-    axis = np.array(("1 0 0" if given is None else given.attrib["xyz"]).split(), dtype=float)
+    axis = np.array(("1 0 0" if axis_tag is None else axis_tag.attrib["xyz"]).split(), dtype=float)
     axis /= np.linalg.norm(axis)
     turn = pin.rpy.rpyToMatrix(*angles)
     if joint.get("type") == "prismatic":

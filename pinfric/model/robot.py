@@ -95,13 +95,13 @@ def locator(urdf: Path, folder: str | Path | None) -> str:
 def locate_urdf(locator: str, relative_to: Path) -> Path:
     """Resolve a scene's `robot.urdf`: a path, or `example-robot-data:<path below its robots>`."""
     if locator.startswith(BUNDLED):
-        rest = locator.removeprefix(BUNDLED)
+        relative = locator.removeprefix(BUNDLED)
         folder = example_robot_data()
-        path = folder / rest
+        path = folder / relative
         if not os.path.isfile(path):
             there = sorted(str(p.relative_to(folder)) for p in folder.rglob("*.urdf"))
-            near = choose_from(rest, there)
-            raise RobotError(f"robot.urdf: example-robot-data has no {brief(rest)}; {near}")
+            near = choose_from(relative, there)
+            raise RobotError(f"robot.urdf: example-robot-data has no {brief(relative)}; {near}")
         return path
     path = Path(os.path.abspath(relative_to / locator))
     if not os.path.isfile(path):
@@ -261,8 +261,8 @@ def _check_bodies(model: pin.Model, root: ElementTree.Element, urdf: Path) -> No
         frame = model.frames[model.getFrameId(name, pin.FrameType.BODY)]
         origin = origins[name]
         com, rpy = (
-            [float(x) for x in ("0 0 0" if origin is None else origin.get(part, "0 0 0")).split()]
-            for part in ("xyz", "rpy")
+            [float(x) for x in ("0 0 0" if origin is None else origin.get(key, "0 0 0")).split()]
+            for key in ("xyz", "rpy")
         )
         axes, arm = pin.rpy.rpyToMatrix(*rpy), pin.skew(np.array(com))
         about_origin = axes @ inertia @ axes.T - mass * arm @ arm

@@ -193,16 +193,16 @@ class Scene:
     mobility: Mobility = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        def entries(kind: type[Any], section: str, given: Mapping[str, Any]) -> dict[str, Any]:
+        def entries(kind: type[Any], section: str, mapping: Mapping[str, Any]) -> dict[str, Any]:
             at = tuple(section.split("."))
-            if not isinstance(given, Mapping):
+            if not isinstance(mapping, Mapping):
                 raise SceneError(
-                    f"{self.source}: {section} is a {type(given).__name__}; should be a mapping "
+                    f"{self.source}: {section} is a {type(mapping).__name__}; should be a mapping "
                     "of names"
                 )
             return {
                 name: parse(kind, entry, self.source, at=(*at, name))
-                for name, entry in given.items()
+                for name, entry in mapping.items()
             }
 
         if not isinstance(self.model, pin.Model):
@@ -390,12 +390,12 @@ class Scene:
             raise SceneError(f"with_ of {file_name(self.source)}: {wrong}") from None
         if "friction" not in changes:
             return changed
-        now: dict[str, Any] = {}
+        updates: dict[str, Any] = {}
         if self.assumed is not None and "assumed" not in changes:
-            now["assumed"] = guesses_left(self.assumed, self.friction, changed.friction)
+            updates["assumed"] = guesses_left(self.assumed, self.friction, changed.friction)
         if self.measured is not None and "measured" not in changes:
-            now["measured"] = self.measured if changed.friction == self.friction else None
-        return replace(changed, **now) if now else changed
+            updates["measured"] = self.measured if changed.friction == self.friction else None
+        return replace(changed, **updates) if updates else changed
 
     def with_coefficients(self, friction: Mapping[str, Friction]) -> Scene | None:
         """Return the scene with other coefficients of some joints' friction, sharing all else.
@@ -733,14 +733,14 @@ class Scene:
     def _variant(self, attached: Iterable[str] | None) -> tuple[pin.Model, Twin]:
         self.check_unchanged()
         default = (name for name, payload in self.payloads.items() if payload.attached)
-        given = payload_names(attached) or ()
-        if not all(isinstance(name, str) for name in given):
+        asked = payload_names(attached) or ()
+        if not all(isinstance(name, str) for name in asked):
             raise SceneError(
                 f"{self.source}: attached: should be names of payloads "
-                f"({', '.join(self.payloads) or 'there are none'}), not {type(given[0]).__name__}; "
+                f"({', '.join(self.payloads) or 'there are none'}), not {type(asked[0]).__name__}; "
                 "states are arguments of the solver's methods, `scene.solver().inverse(q, v, a)`"
             )
-        names = frozenset(default if attached is None else given)
+        names = frozenset(default if attached is None else asked)
         if names not in self._variants:
             for name in names - self.payloads.keys():
                 raise SceneError(

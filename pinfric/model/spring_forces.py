@@ -65,15 +65,17 @@ class Springs:
             StateError: the ends of a spring coincide; the ends of a gas spring are beyond its
                 reach.
         """
-        found: list[tuple[int, np.ndarray]] = []
+        wrenches: list[tuple[int, np.ndarray]] = []
         for k, spring in enumerate(self.in_joints):
             row, above = int(self.joint[k]), int(self.parent[k])
             on_child = spring.effort(moved[:, k])[:, None] * self.axis[k]
-            found.append((row, on_child))
+            wrenches.append((row, on_child))
             if above >= 0:  # the opposite one, at the joint, in the frame of what carries it
                 force, moment = (_turned(R[:, row], on_child[:, i : i + 3]) for i in (0, 3))
                 moment = moment + np.cross(p[:, row] - p[:, above], force)
-                found.append((above, -np.hstack([_back(R[:, above], x) for x in (force, moment)])))
+                wrenches.append(
+                    (above, -np.hstack([_back(R[:, above], x) for x in (force, moment)]))
+                )
         for k in range(len(self.lines)):
             places = self._places(k, p, R)
             pull = self._pull(k, places)
@@ -82,8 +84,8 @@ class Springs:
             ):
                 if end >= 0:
                     own = _back(R[:, end], force)
-                    found.append((end, np.hstack([own, np.cross(point, own)])))
-        return found
+                    wrenches.append((end, np.hstack([own, np.cross(point, own)])))
+        return wrenches
 
     def _places(self, k: int, p: np.ndarray, R: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """World positions (T, 3) of the ends of a spring between points."""
@@ -249,11 +251,11 @@ def _longest(model: pin.Model, pair: tuple[tuple[int, np.ndarray], ...]) -> floa
         total += max(abs(low), abs(high)) if slides else 0.0
     if len(between) > 1:
         return total
-    data, one, most = model.createData(), np.zeros(model.nv), 0.0
+    data, step, most = model.createData(), np.zeros(model.nv), 0.0
     if not slides:
         low, high = max(low, -np.pi), min(high, np.pi)
-    for one[joint.idx_v] in np.linspace(low, high, _LOOKS):
-        pin.forwardKinematics(model, data, pin.integrate(model, pin.neutral(model), one))
+    for step[joint.idx_v] in np.linspace(low, high, _LOOKS):
+        pin.forwardKinematics(model, data, pin.integrate(model, pin.neutral(model), step))
         apart = data.oMi[b + 1].act(at_b) - data.oMi[a + 1].act(at_a)
         most = max(most, float(np.linalg.norm(apart)))
     return most

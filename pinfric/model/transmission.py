@@ -398,11 +398,11 @@ class OwnTransmission(Transmission):
 
     @model_validator(mode="before")
     @classmethod
-    def _without_efficiencies(cls, given: Any) -> Any:
+    def _without_efficiencies(cls, data: Any) -> Any:
         for name in _NOT_ITS_OWN:
-            if isinstance(given, dict) and name in given:
+            if isinstance(data, dict) and name in data:
                 raise ValueError(f"`{name}` follows from its `kind`; leave it out")
-        return given
+        return data
 
     @abstractmethod
     def load_losses(self) -> tuple[LoadLoss, LoadLoss]:
@@ -500,33 +500,33 @@ def _no_load(gear: Transmission, speed: float) -> float:
 
 def _load_part(gear: Transmission, efficiency: float, load: float, speed: float) -> float:
     no_load = _no_load(gear, speed)
-    part = load_part(efficiency, load, no_load)
-    if part < -1e-12 * load:
-        eta = load / (load + part) if load + part > 0.0 else np.inf
+    loss = load_part(efficiency, load, no_load)
+    if loss < -1e-12 * load:
+        eta = load / (load + loss) if load + loss > 0.0 else np.inf
         raise ValueError(
-            f"`efficiency` {efficiency:g} at load {load:g} loses {part + no_load:.4g} N m (N), "
+            f"`efficiency` {efficiency:g} at load {load:g} loses {loss + no_load:.4g} N m (N), "
             f"`no_load_torque` and `motor_viscous` alone {no_load:.4g} at the output: the load's "
             f"part would be {eta:.3g}, above 1, which is impossible; give the "
             "maker's curve (`over_load`), or no_load_torque at the motor's shaft in N m"
         )
-    return max(part, 0.0)
+    return max(loss, 0.0)
 
 
 def _over_speed(
-    gear: Transmission, given: MakersEfficiency, there: float
+    gear: Transmission, stated: MakersEfficiency, there: float
 ) -> tuple[float, float, float, float]:
     """Constant, rise and exponent of g, and its error against the maker's efficiencies.
 
     Least squares of g(w_i) `there` = load (1/eta_i - 1) - |r| n(w_i), with constant, rise >= 0;
     `there` is L at their load (N m or N).
     """
-    assert given.load is not None  # the entry requires it
-    load, factor = given.load, 1.0 if given.temperature is None else given.temperature.factor
-    speeds, eta = np.array(given.over_speed).T
+    assert stated.load is not None  # the entry requires it
+    load, factor = stated.load, 1.0 if stated.temperature is None else stated.temperature.factor
+    speeds, eta = np.array(stated.over_speed).T
     if there <= 0.0:
         raise ValueError("`over_load` has no loss at `load`, so `over_speed` has no effect")
     parts = [_load_part(gear, e, load, w) for w, e in zip(speeds, eta, strict=True)]
-    powers, right = speeds**given.exponent, np.array(parts) / there
+    powers, right = speeds**stated.exponent, np.array(parts) / there
     columns = np.stack([np.ones_like(powers), powers], axis=1)
     constant, rise = (float(x) for x in np.linalg.lstsq(columns, right, rcond=None)[0])
     if rise < 0.0:
@@ -535,19 +535,19 @@ def _over_speed(
         constant, rise = 0.0, float(powers @ right / (powers @ powers))
     no_load = np.array([_no_load(gear, w) for w in speeds])
     fitted = load / (load + (constant + rise * powers) * there + no_load)
-    if given.over_load:
-        _check_meeting(gear, given, there, constant + rise * given.speed**given.exponent)
-    return constant, rise * factor, given.exponent, float(np.abs(fitted - eta).max())
+    if stated.over_load:
+        _check_meeting(gear, stated, there, constant + rise * stated.speed**stated.exponent)
+    return constant, rise * factor, stated.exponent, float(np.abs(fitted - eta).max())
 
 
-def _check_meeting(gear: Transmission, given: MakersEfficiency, there: float, g: float) -> None:
+def _check_meeting(gear: Transmission, stated: MakersEfficiency, there: float, g: float) -> None:
     """Refuse curves over load and over speed that differ where both are valid."""
-    assert given.load is not None  # the entry requires it
-    no_load = _no_load(gear, given.speed)
-    by_load, by_speed = (given.load / (given.load + part + no_load) for part in (there, g * there))
+    assert stated.load is not None  # the entry requires it
+    no_load = _no_load(gear, stated.speed)
+    by_load, by_speed = (stated.load / (stated.load + x + no_load) for x in (there, g * there))
     if abs(by_load - by_speed) > _APART:
         raise ValueError(
-            f"at load {given.load:g} and speed {given.speed:g} `over_load` gives "
+            f"at load {stated.load:g} and speed {stated.speed:g} `over_load` gives "
             f"{by_load:.3g}, `over_speed` {by_speed:.3g}: one of them holds "
             "elsewhere"
         )

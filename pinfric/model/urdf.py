@@ -84,15 +84,15 @@ def read_document(root: ElementTree.Element, urdf: Path) -> Any:
 def dynamics(root: ElementTree.Element) -> dict[str, UrdfDynamics]:
     """Return joint -> its <dynamics>."""
     return {
-        name: UrdfDynamics(float(given.get("friction", 0)), float(given.get("damping", 0)))
-        for name, given in _parts(root, "dynamics")
+        name: UrdfDynamics(float(tag.get("friction", 0)), float(tag.get("damping", 0)))
+        for name, tag in _parts(root, "dynamics")
     }
 
 
 def _parts(root: ElementTree.Element, tag: str) -> list[tuple[str, ElementTree.Element]]:
     """The joints with an element of this tag, and the first such element of each."""
     tags = ((joint.attrib["name"], joint.find(tag)) for joint in root.findall("joint"))
-    return [(name, part) for name, part in tags if part is not None]
+    return [(name, child) for name, child in tags if child is not None]
 
 
 def reductions(root: ElementTree.Element) -> dict[str, float]:
@@ -198,16 +198,16 @@ def _check_numbers(element: ElementTree.Element, where: str) -> None:
     One blank separates two numbers; an infinite limit becomes the largest float, Pinocchio's word
     for none.
     """
-    for part in element.iter():
-        for attribute, count in _NUMBERS.get(part.tag, {}).items():
-            text = part.get(attribute)
+    for child in element.iter():
+        for attribute, count in _NUMBERS.get(child.tag, {}).items():
+            text = child.get(attribute)
             if text is None:
                 continue
             words = re.split(f"[{_BLANKS}]+", text.strip(_BLANKS))
             values = [_number(word) for word in words]
-            limit = part.tag == "limit"
+            limit = child.tag == "limit"
             finite = limit or all(math.isfinite(v) for v in values if v is not None)
-            shown = f"{where}: <{part.tag} {attribute}={brief(text)}>"
+            shown = f"{where}: <{child.tag} {attribute}={brief(text)}>"
             if len(values) != count or None in values or not finite:
                 kind = "number" if limit else "finite number"
                 wanted = f"a {kind}" if count == 1 else f"{count} {kind}s"
@@ -222,7 +222,7 @@ def _check_numbers(element: ElementTree.Element, where: str) -> None:
             spelled = (
                 w if abs(float(w)) <= most else repr(math.copysign(most, float(w))) for w in words
             )
-            part.set(attribute, " ".join(spelled))
+            child.set(attribute, " ".join(spelled))
 
 
 def _number(word: str) -> float | None:
@@ -270,8 +270,12 @@ def _check_joints(root: ElementTree.Element, urdf: Path) -> None:
         where, kind = f"{urdf}: joint {joint.get('name')!r}", joint.get("type")
         if kind in ("fixed", "floating"):
             continue
-        given, limit = joint.find("axis"), joint.find("limit")
-        axis = [1.0, 0.0, 0.0] if given is None else list(map(float, given.attrib["xyz"].split()))
+        axis_tag, limit = joint.find("axis"), joint.find("limit")
+        axis = (
+            [1.0, 0.0, 0.0]
+            if axis_tag is None
+            else list(map(float, axis_tag.attrib["xyz"].split()))
+        )
         if not 1e-9 < max(map(abs, axis)) < 1e9:
             raise RobotError(f"{where} has the axis {axis}; give a direction")
         if kind in ("revolute", "prismatic") and limit is not None:
@@ -300,8 +304,8 @@ def bodies(root: ElementTree.Element) -> dict[str, tuple[float, np.ndarray]]:
     for link in root.findall("link"):
         if (mass := link.find("inertial/mass")) is not None:
             moments = link.find("inertial/inertia")
-            given: Mapping[str, str] = {} if moments is None else moments.attrib
-            inertia = np.reshape([float(given.get(moment, 0)) for moment in _MOMENTS], (3, 3))
+            attributes: Mapping[str, str] = {} if moments is None else moments.attrib
+            inertia = np.reshape([float(attributes.get(moment, 0)) for moment in _MOMENTS], (3, 3))
             by_link[link.attrib["name"]] = float(mass.attrib["value"]), inertia
     return by_link
 
