@@ -1,5 +1,3 @@
-"""Fixtures shared by several files, made once per process."""
-
 import pytest
 from accuracy_cases import studied_pendulum
 

@@ -1,5 +1,3 @@
-"""Findings of a scene."""
-
 import re
 from pathlib import Path
 

@@ -1,5 +1,3 @@
-"""Checks of links and robots."""
-
 import numpy as np
 import pytest
 import trimesh

@@ -85,9 +85,9 @@ def test_the_bundled_catalogue_has_all_that_is_printed_and_no_more():
 def test_maxons_figures_agree_with_each_other():
     """A mistyped digit shows: stall torque = k U/R, k n0 = U, and a balance of power.
 
-    At the nominal point friction and iron lose U I - R I^2 - M omega. That is more than nothing,
-    and less than at no load, where the motor turns faster: U I0 - R I0^2 with R I0 = U - k n0, k
-    less the 0.5 % to which three printed digits are rounded. Only without iron M is k (I - I0).
+    At the nominal point friction and iron lose U I - R I^2 - M omega: more than nothing, and less
+    than at no load, where the motor turns faster: U I0 - R I0^2 with R I0 = U - k n0, k less the
+    0.5 % of rounding to three digits. Only without iron M is k (I - I0).
     """
     motors = {n: m for n, m in pf.load_catalog().motors.items() if " W " in n}
     assert len(motors) == 29

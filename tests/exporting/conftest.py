@@ -1,5 +1,3 @@
-"""Fixtures shared by several files, made once per process."""
-
 import pytest
 from export_cases import COMPILER, compiled_headers, exported_ur5
 

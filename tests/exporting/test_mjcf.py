@@ -1,5 +1,3 @@
-"""MJCF against MuJoCo itself."""
-
 import dataclasses
 import re
 

@@ -1,5 +1,3 @@
-"""Fixtures shared by several files."""
-
 import numpy as np
 import pytest
 

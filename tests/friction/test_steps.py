@@ -1,5 +1,3 @@
-"""Steps of the search for states of friction, one by one."""
-
 from __future__ import annotations
 
 from types import SimpleNamespace

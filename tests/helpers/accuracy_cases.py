@@ -1,5 +1,3 @@
-"""Shared by tests of accuracy."""
-
 from functools import cache
 
 import pytest

@@ -325,9 +325,9 @@ def reversing_ball(viscous):
 def painleve_rod(mu, angle, mass=1.0, length=0.6, speed=1.0, g=9.81):
     """A uniform rod hinged to a massless slider on a rough guide, pushed along by it (Painleve).
 
-    Slider along x; the rod hangs below it at `angle` from the guide (rad). With N the guide's force
-    on the slider, without friction N_0 = free; with it N (1 - mu / mu_crit) = N_0, mu_crit = (1 + 3
-    cos^2 t) / (3 sin t cos t) where the friction tilts the rod into the guide.
+    Slider along x; the rod hangs below it at `angle` from the guide (rad). Without friction the
+    guide pushes with N_0 = free; with it N (1 - mu / mu_crit) = N_0, mu_crit = (1 + 3 cos^2 t) / (3
+    sin t cos t) where the friction tilts the rod into the guide.
     """
     model = grounded_model((0.0, -g, 0.0))
     slider = add_link(model, 0, pin.JointModelPX(), pin.SE3.Identity(), "slider")
@@ -344,8 +344,7 @@ def boxer(cylinders=2, angle=0.0, rate=0.0, mu=0.1, brake=0.05):
     """Opposed pistons on one crank without gravity; both are at their dead centres at once.
 
     Args:
-        cylinders: 1 leaves one piston out.
-        angle, rate: of the crank (rad, rad/s).
+        cylinders: 1 leaves one piston out. angle, rate: of the crank (rad, rad/s).
         brake: constant friction of the crank (N m).
     """
     model = grounded_model((0.0, 0.0, 0.0))

@@ -1,5 +1,3 @@
-"""Shared by tests of checking."""
-
 from pinfric.checking.findings import Severity
 
 

@@ -1,5 +1,3 @@
-"""Shared by tests of the command line."""
-
 from pathlib import Path
 
 import pytest

@@ -1,5 +1,3 @@
-"""Two described classes."""
-
 from pinfric.model.described import (
     EFFORT,
     derived,

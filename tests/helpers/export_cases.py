@@ -1,5 +1,3 @@
-"""Shared by tests of exporting."""
-
 import atexit
 import shutil
 import subprocess
@@ -211,8 +209,7 @@ class Headers:
         """Named columns of the compensator's results at each state.
 
         Args:
-            q: (n, nv), one number per freedom. v, a: (n, nv) or None, None.
-            v_ref, error, v_now: (n, nv); v_ref by default v.
+            q, v, a, v_ref, error, v_now: (n, nv), one number per freedom; v_ref by default v.
             payloads: (frame, mass, com, inertia). wrenches: (frame, wrench).
         """
         nv, na, ns = scene.model.nv, len(scene.drives), len(scene.sites)

@@ -1,5 +1,3 @@
-"""Shared by tests of friction."""
-
 import numpy as np
 import pinocchio as pin
 from mechanisms import (
@@ -116,7 +114,6 @@ def random_chain(rng, pins, strong=False, cut=None):
     """A closed chain of bars in the plane, pins - 3 freedoms, friction in every pin; scene, q, P.
 
     Args:
-        rng: for places, masses, radii, coefficients.
         pins: their number; the first pins - 3 are driven.
         strong: mu 1.2 to 2.4 at 4 to 6 cm, where friction wedges itself.
         cut: which pin closes the loop; by default the last.

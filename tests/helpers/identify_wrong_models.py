@@ -1,7 +1,7 @@
 """Logs of robots that no candidate law describes, which intervals must not hide.
 
-Each case alters the UR5 of identify_cases.py, or its measurement, in one way. The coefficients of a
-scene keep their true values, so coverage is counted as without the change.
+Each case alters the UR5 of identify_cases.py, or its measurement, in one way; coefficients keep
+their true values, so coverage is counted as without the change.
 """
 
 from collections.abc import Callable

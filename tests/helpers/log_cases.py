@@ -1,5 +1,3 @@
-"""Shared by tests of logs."""
-
 import numpy as np
 import pinocchio as pin
 import pytest

@@ -74,8 +74,8 @@ def ring_of_bars(pins, place, masses, cut, kind, gravity, level=None):
     """Bars pinned to each other and, the first and last, to the ground; cut at one of the pins.
 
     Args:
-        pins: pin -> (bar, next bar), from the ground to the ground; joints are called by them.
-        place: (pin, bar) -> where the pin lies on the bar, from the bar's own start, along its x.
+        pins: pin -> (bar, next bar), from the ground to the ground; they name the joints.
+        place: (pin, bar) -> where the pin lies on the bar, from its start, along its x.
         masses: of the bars; each reaches from 0 to the farther of its two pins.
         cut, kind: which pin is the loop, and the loop's kind.
         level: bar -> its height along the pins' axes, else 0.
@@ -202,8 +202,7 @@ def five_bar(cut, friction, kind="planar_pin", gravity=(0.0, -9.81, 0.0)):
     """Two arms whose forearms meet in pin B, cut at one of its pins; driven at O and at D.
 
     Args:
-        cut, kind: which pin is the loop, and the loop's kind.
-        friction: by pin O, A, B, C, D.
+        cut, kind: which pin is the loop, and the loop's kind. friction: by pin O, A, B, C, D.
 
     Returns:
         scene, and a symmetric q at which its loop closes.
@@ -234,11 +233,9 @@ def cut_slider_crank(
     """A slider-crank cut at one of its joints: O and A of the crank, W of the piston, G its guide.
 
     Args:
-        cut: which joint is the loop; the guide is a prismatic one.
-        kind: of a pin that is cut.
-        mu, static: of all joints. friction: False for none.
-        gravity: m/s^2. drive: which joint is driven.
-        turned: None, or returns small rotations (3, 3): of every placement, as files round.
+        cut, kind: which joint is the loop (the guide is prismatic); the kind of a cut pin.
+        mu, static: of all joints. friction: False for none. drive: the driven joint.
+        turned: None, or returns small rotations (3, 3) of every placement, as files round.
 
     Returns:
         scene, and a function from crank angles (n,) to q.

@@ -1,5 +1,3 @@
-"""Shared by tests of the paper's room."""
-
 from dataclasses import replace
 
 import numpy as np

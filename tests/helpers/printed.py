@@ -28,9 +28,7 @@ def assert_printed(test, name, text):
     Below 1e-7 a figure is an error of rounding or integration, and compared as 0.
 
     Args:
-        test: `__file__` of the test.
-        name: of the stored text.
-        text: what was printed.
+        test: `__file__` of the test. name: of the stored text. text: what was printed.
     """
     file = Path(test).parent / "printed" / f"{name}.txt"
     if os.environ.get("PINFRIC_PRINTED") == "write":

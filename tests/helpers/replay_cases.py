@@ -1,5 +1,3 @@
-"""Shared by tests of replays."""
-
 import json
 import re
 from functools import cache

@@ -1,5 +1,3 @@
-"""Shared by tests of reports."""
-
 import io
 
 from rich.console import Console

@@ -1,5 +1,3 @@
-"""Shared by tests of retiming."""
-
 import numpy as np
 import pinocchio as pin
 from builders import chain, lump

@@ -1,5 +1,3 @@
-"""Scene contents for tests of the schema."""
-
 import copy
 
 import yaml

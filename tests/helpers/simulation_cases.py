@@ -1,5 +1,3 @@
-"""Shared by tests of simulation."""
-
 import numpy as np
 from builders import block, lump, plane_friction, row
 from mechanisms import pin_friction

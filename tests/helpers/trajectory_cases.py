@@ -1,5 +1,3 @@
-"""Shared by tests of motions."""
-
 from pathlib import Path
 from types import SimpleNamespace
 

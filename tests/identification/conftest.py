@@ -1,5 +1,3 @@
-"""Identified robots shared by several files."""
-
 import pytest
 from identify_cases import LOGS, identified_arm, identified_ur10, needs_logs
 

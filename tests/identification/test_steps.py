@@ -1,5 +1,3 @@
-"""Steps of identification, one by one."""
-
 from __future__ import annotations
 
 import re

@@ -25,12 +25,11 @@ class States:
     """Results of the enumeration of a sample's states.
 
     Attributes:
-        lower, upper: (na,) ends of the efforts.
-        friction_lower, friction_upper: (ns,).
+        lower, upper: (na,) ends of the efforts. friction_lower, friction_upper: (ns,).
         fewest, most: least and greatest number of solutions of one choice.
         decided: whether these are proved to be all that the choices have.
-        sampled, flipped: only some choices were tried, because sticking balls have infinitely many,
-            or because there were too many.
+        sampled, flipped: only some choices were tried: sticking balls have infinitely many; or
+            there were too many.
         reference: (n, ne) solutions in which sticking sites have no friction.
     """
 

@@ -6,9 +6,9 @@ At one state
 
 with t what each gear delivers along its rate S v, x the bearings' friction along D v, and F one of
 the gear's lines: slope t + offset, for t from least to greatest. What sticks has the rate 0, and
-what its gears and bearings add along it is within what they hold: a gear every t with F_-(t) <= u
-<= F_+(t), a bearing anything up to its limit. Of the stable answers that with the fewest joints
-slipping from rest counts. An answer is stable if a shaft with a little compliance stays at it:
+its gears and bearings can add what is needed along it: a gear every t with F_-(t) <= u <= F_+(t), a
+bearing anything up to its limit. Of the stable answers that with the fewest joints slipping from
+rest counts. Stable is an answer at which a shaft with a little compliance stays:
 
     diag(slope) + I^1/2 S M^-1 S^T I^1/2 positive definite
 """

@@ -1,8 +1,8 @@
 """The judge's states of friction of one sample: every choice of limits, by Newton's method.
 
-A sliding site has one friction; a sticking site may be at either of its limits; a reversing site
-may have all three. The efforts' ends are where each site has one of these. A choice that contracts
-has exactly one solution (Banach); else many starts are tried, and nothing is proved.
+A sliding site has one friction, a sticking site either of its limits, a reversing site all three;
+these make the efforts' ends. A choice that contracts has exactly one solution (Banach); else many
+starts are tried, and nothing is proved.
 """
 
 from dataclasses import dataclass
@@ -78,9 +78,8 @@ class FrictionStates:
     """The states of one sample.
 
     Attributes:
-        lower, upper: (na,) ends of the efforts. friction_lower, friction_upper: (ns,).
-        reference: (n, ne) solutions in which sticking sites have no friction.
-        fewest, most: least and greatest number of solutions of one choice.
+        lower, upper, friction_lower, friction_upper, reference, fewest, most: as in `States` of
+            `enumeration.py`.
         certain: all choices were tried, each has exactly one solution.
     """
 

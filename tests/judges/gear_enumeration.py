@@ -4,9 +4,9 @@
     python tests/judges/gear_enumeration.py locking 1000
     python tests/judges/gear_enumeration.py ur10 50000
 
-The judge shares no code with pinfric's solvers: for every choice of stick and slip at rest, and of
-the driving and the driven line of every moving gear, accelerations follow from one linear system.
-Loads of bearings, by RNEA, are repeated until they stay. Kept is what obeys its signs and limits.
+No code is shared with pinfric's solvers: for every choice of stick and slip at rest, and of the
+driving and the driven line of every moving gear, accelerations follow from one linear system, and
+loads of bearings, by RNEA, are repeated until they stay. Kept is what obeys its signs and limits.
 """
 
 import sys

@@ -5,8 +5,8 @@ ratio T_m, I = ratio^2 J_rotor, k = ratio^2 c_motor. Moving in the direction s,
 
     u - I a - k v = slope t + s n,    slope = 1/eta where s t > 0 (the motor drives), else eta_b,
 
-n the no-load torque at the joint. Modelica's LossyGear is this with eta = eta_mf1, eta_b = eta_mf2,
-n = tau_bfa, and Coulomb friction tau_bfb at the joint (Pelchen, Schweiger, Otter 2002).
+n the no-load torque at the joint: Modelica's LossyGear with eta = eta_mf1, eta_b = eta_mf2, n =
+tau_bfa, and Coulomb friction tau_bfb at the joint (Pelchen, Schweiger, Otter 2002).
 """
 
 from itertools import product

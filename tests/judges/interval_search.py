@@ -1,8 +1,8 @@
 """The judge's search: all loads that obey z = k + sum |p + P z|, in plain NumPy.
 
-If the right side contracts, there is exactly one solution (Banach). Otherwise boxes of loads are
-cut until Krawczyk's test shows that each contains no solution or exactly one (Krawczyk 1969; Moore
-1977). Up to rounding, this proves the number of solutions.
+If the right side contracts, there is exactly one solution (Banach). Else boxes of loads are cut
+until Krawczyk's test shows that each contains no solution or exactly one (Krawczyk 1969; Moore
+1977): up to rounding, a proof of their number.
 """
 
 from __future__ import annotations

@@ -2,8 +2,8 @@
 
     M a + h - J_ext^T f_ext = S^T u + P y + D phi,    w_k = w_k0 + W_k phi
 
-P are the columns of the loops' multipliers and of undriven coordinates; an orthonormal basis of the
-motions that they allow (SVD) eliminates them, the others follow by least squares. Jacobians are
+P: columns of the loops' multipliers and of undriven coordinates. An orthonormal basis of the
+motions that they allow (SVD) eliminates them; they follow by least squares. Jacobians are
 Pinocchio's joint Jacobians, wrenches `data.f` of its RNEA; no kernel, no twin.
 """
 
@@ -70,7 +70,7 @@ class SampleMaps:
         entry_site: (ne,) site of each friction coordinate.
         total, D: (nv,), (ne, nv) what must be balanced, and what unit friction contributes.
         missed: how far the frictionless efforts are from balancing the motion.
-        regular: smallest singular value that must not be 0, relative to the largest.
+        regular: smallest singular value that must not be 0, over the largest.
         scale: of the wrenches at joints of the tree (N or N m).
     """
 

@@ -1,8 +1,8 @@
 """Random chains and rings of pins at rest in the plane, and every corner of their friction.
 
-Newton and Euler bar by bar in absolute coordinates, plain NumPy: no Pinocchio, no pinfric. With the
-pins' friction torques phi, the pins' forces F and the drives' torques u follow from the three
-equations of every bar; a corner has sign sigma_k at pin k, and phi_k = sigma_k mu R |F_k(phi)|.
+Newton and Euler bar by bar in absolute coordinates, plain NumPy: no Pinocchio, no pinfric. From the
+pins' friction torques phi follow their forces F and the drives' torques u; a corner has sign
+sigma_k at pin k, and phi_k = sigma_k mu R |F_k(phi)|.
 """
 
 from __future__ import annotations
@@ -146,9 +146,7 @@ def random_chain(seed: int, loops: tuple[int, ...], mu: float, most: float = 0.9
     """Return a random chain of bars with these loops of pins.
 
     Args:
-        seed: of the geometry, masses and drives.
         loops: number of pins of the first loop, and of what each further adds; 3 or more.
-        mu: coefficient of friction.
         most: the radii are so large that the contraction is at most this, but no more than 0.06 m.
     """
     rng = np.random.default_rng(seed)

@@ -85,8 +85,7 @@ def plain_friction(
     """Return the least and greatest friction of one site (`laws`; paper eq. 20, 21).
 
     Args:
-        velocity: child relative to parent (rad/s or m/s).
-        load: normal load (N m or N).
+        velocity: child relative to parent (rad/s or m/s). load: normal load (N m or N).
         at_rest: the site passes through rest beside this sample.
     """
     friction, speed, sign = site.friction, abs(velocity), float(np.sign(velocity))

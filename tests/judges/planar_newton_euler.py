@@ -1,9 +1,8 @@
 """A four-bar by Newton and Euler in the plane, bar by bar: no pinfric, no Pinocchio.
 
-Ground pins at O = (0, 0) and C = (ground, 0); crank O-A, coupler A-B, rocker C-B. The nine
-equations of three bars give the eight components of the pin forces (on the bar named first in
-`PINS`) and the crank's torque. The pins' friction torques mu R |F| are on the right side, which is
-repeated until nothing changes.
+Ground pins at O = (0, 0) and C = (ground, 0); crank O-A, coupler A-B, rocker C-B. Nine equations of
+three bars give the eight components of the pin forces (on the bar named first in `PINS`) and the
+crank's torque. The pins' friction mu R |F| is on the right side, repeated until nothing changes.
 """
 
 from dataclasses import dataclass

@@ -4,15 +4,14 @@
     python tests/judges/resting_states.py all 0 500
 
 Newton and Euler body by body in absolute coordinates, plain NumPy: no Pinocchio, no pinfric. At
-rest accelerations and forces are affine in x, the friction and on a geared axis what the gear
-delivers:
+rest accelerations and forces are affine in x, the friction and what gears deliver:
 
     r = rate (1, x),     p = force (1, x),     limit_j = kinetic_j sum |p| + dry_j
 
-All ways in which joints can slip are searched, those with the fewest first: every set that can
-stick while others move, every choice of signs that the loops allow, every line of every gear that
-moves; by Newton's method, a ball's direction from several starts. Whether all can stick is searched
-by SLSQP from several starts.
+All ways in which joints can slip are searched, the fewest first: every set that can stick while
+others move, every choice of signs that the loops allow, every line of every gear that moves; by
+Newton's method, a ball's direction from several starts. Whether all can stick is searched by SLSQP
+from several starts.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """The reduced, Pinocchio-based solution against the paper's formulation in absolute coordinates.
 
-The two share no code: RNEA on the wrench twin, and eq. (1)-(17) with Euler parameters, full
-pivoting and the fixed-point loop over (16) and (17).
+No code is shared: RNEA on the wrench twin, and eq. (1)-(17) with Euler parameters, full pivoting
+and the fixed-point loop over (16) and (17).
 """
 
 import numpy as np

@@ -7,8 +7,8 @@
 - 14 hot motors: derating by ambient temperature, overload with time off (S3), stall, winding;
 - 9 examples that makers and textbooks print, to the digits that they print.
 
-Every drive is a row of numbers; the arithmetic is below its table, in elementary formulas. It
-shares no code with pinfric, which gets a scene, a motion and a catalogue.
+Every drive is a row of numbers; the arithmetic is below its table. No code is shared with pinfric,
+which gets a scene, a motion and a catalogue.
 """
 
 from itertools import pairwise

@@ -184,7 +184,7 @@ def with_a_shaft(
     v: np.ndarray,
     inertia: float = 1.0,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """A worm whose rotor, of speed w, moves the first of some slides through a compliant shaft.
+    """Times, w, v (m, n) and t of a worm that moves the first of some slides through a shaft.
 
     I w' = u(t) - F(t), or w = 0 while F_-(t) <= u <= F_+(t);  M v' = e t - h - friction of slides;
     t = k x + c x', x' = w - v. In small steps; slides keep the direction of their friction until
@@ -193,9 +193,6 @@ def with_a_shaft(
     Args:
         drive: time -> u. M, h: (n, n), (n,), constant. friction: (n,) of slides.
         delivered: t at first, of all that moves with v (n,).
-
-    Returns:
-        times, w, v (m, n) and t of every step.
     """
     stiffness, dt = 1e6, 2e-5
     damping, w, v = 2.0 * np.sqrt(stiffness * inertia), float(v[0]), v.copy()

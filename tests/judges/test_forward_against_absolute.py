@@ -1,6 +1,6 @@
 """Forward dynamics and simulation against the paper's equations in absolute coordinates.
 
-The judge shares no code: eq. (3) with multipliers, constraint addition-deletion, its own guards.
+No code is shared: eq. (3) with multipliers, constraint addition-deletion, its own guards.
 """
 
 import numpy as np

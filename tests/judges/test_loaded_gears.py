@@ -1,8 +1,7 @@
-"""A four-bar in motion on a self-locking gear, with load-dependent friction of its pins: every
-root.
+"""A four-bar in motion on a self-locking gear, with load-dependent friction of its pins.
 
 For a given torque t of the gear the pins' friction is one fixed point, so u - I r(t) - F(t), the
-residual of the gear's law with its rotor, is a function of t alone. Its roots are the
+residual of the gear's law with its rotor, is a function of t alone. All its roots are the
 accelerations, those where it falls are stable.
 """
 

@@ -1,7 +1,7 @@
 """What another processor's rounding must not decide: events, stops, whether there is a solution.
 
-Another BLAS, compiler or order of sums changes states in their last digits. So the hard cases are
-simulated again from states, and over times, that differ by 1e-15: the events stay the same.
+Another BLAS, compiler or order of sums changes last digits. So the hard cases are simulated again
+from states, and over times, that differ by 1e-15: the events stay the same.
 """
 
 from contextlib import nullcontext

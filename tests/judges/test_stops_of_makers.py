@@ -57,10 +57,9 @@ def test_base_and_shoulder_of_a_ur5_stop_where_its_maker_prints_and_its_elbow_do
     """One brake torque gives the ways of base and shoulder; the elbow stops four times as fast.
 
     By the printed ways brake and friction of base and shoulder take 141 and 158 N m at the joints,
-    those of the elbow, of the same size, only 90 N m; the manual does not say why. All three ways
-    are 0.40 to 0.42 of speed x time, where a constant torque gives 0.5, and more with a reaction:
-    so the times hold a slow tail, or the arm was slower than stated, and they judge no constant
-    torque.
+    those of the elbow, of the same size, only 90 N m; the manual does not say why. All ways are
+    0.40 to 0.42 of speed x time, where a constant torque gives 0.5: the times hold a slow tail, or
+    the arm was slower than stated, so they judge no constant torque.
     """
     robot = "ur5_pick_and_place"
     stops = [stop_of(robot, 5.0, j, UR5_SPEED, UR5_BRAKE, UR5_BRAKE) for j in range(3)]

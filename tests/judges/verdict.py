@@ -38,25 +38,24 @@ _ARRAYS = (
 class Verdict:
     """Largest residuals over all samples, and the number of wrong statuses.
 
-    All fields are judged except `reversal` (taken as given: it depends on samples outside the
-    result), `iterations`, `redundant`, the size of motor torques (they follow from efforts by the
-    gears' losses), and accelerations of drives off the joints.
+    All fields are judged except `reversal` (it depends on samples outside the result),
+    `iterations`, `redundant`, the size of motor torques (efforts through the gears' losses), and
+    accelerations of drives off the joints.
 
     Attributes:
         equilibrium: |M a + h - J^T f_ext - u - D phi| as an error of u (N m or N).
         friction_law: |phi - law(v, c)| (N m or N).
         wrench: |w - data.f| (N or N m); 0 where no wrench was needed.
         ends: distance of the intervals' ends from the judge's (N m or N).
-        wrong_status: number of samples whose `Status` the judge contradicts: jammed although a
-            state of friction obeys the laws, converged although several do.
-        wrong_fields: number of samples with another false field: a number where there is no
-            solution, none where there is one, rates of drives, `sticking`, `contraction` below a
-            spectral radius or above its bound, `interval_exact` or `interval_searched` without or
-            in spite of a reason.
-        undecided: number of samples where the judge proves nothing: the states reported are
-            confirmed, but there may be others.
+        wrong_status: samples whose `Status` the judge contradicts: jammed although a state of
+            friction obeys the laws, converged although several do.
+        wrong_fields: samples with another false field: a number where there is no solution, none
+            where there is one, rates of drives, `sticking`, `contraction` below a spectral radius
+            or above its bound, `interval_exact` or `interval_searched` without or in spite of a
+            reason.
+        undecided: samples where states are confirmed, but there may be others.
         scale: largest effort in the result, to compare the residuals with.
-        sample: the sample of the largest of these residuals, or the first that is wrong.
+        sample: that of the largest of these residuals, or the first wrong one.
     """
 
     equilibrium: float

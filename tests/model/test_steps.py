@@ -1,5 +1,3 @@
-"""Parts of a model, one by one."""
-
 import numpy as np
 import pytest
 import yaml

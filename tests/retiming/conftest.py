@@ -1,5 +1,3 @@
-"""Fixtures shared by several files."""
-
 import pytest
 from retime_cases import URDF, WAY
 from sizing_cases import GEAR, MOTOR, write_catalog

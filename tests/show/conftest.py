@@ -1,5 +1,3 @@
-"""Fixtures shared by several files, made once per process."""
-
 from functools import cache
 
 import pytest

@@ -1,5 +1,3 @@
-"""Steps of forward dynamics, one by one."""
-
 import pickle
 import threading
 

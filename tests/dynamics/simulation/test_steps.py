@@ -1,5 +1,3 @@
-"""Steps of a simulation, one by one."""
-
 import numpy as np
 import pytest
 from builders import plane_friction, sliding_block

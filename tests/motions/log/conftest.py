@@ -1,5 +1,3 @@
-"""Fixtures shared by several files."""
-
 import pytest
 from log_cases import Truth
 

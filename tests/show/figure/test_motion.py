@@ -1,5 +1,3 @@
-"""Pictures of simulated motions."""
-
 import numpy as np
 import pinocchio as pin
 import pytest

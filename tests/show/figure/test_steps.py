@@ -1,5 +1,3 @@
-"""Parts of figures."""
-
 import pytest
 from identify_cases import NAMES, parameter
 

@@ -1,5 +1,3 @@
-"""Pictures of sweeps."""
-
 import numpy as np
 import pinocchio as pin
 import pytest

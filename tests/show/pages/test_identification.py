@@ -1,5 +1,3 @@
-"""The identification page."""
-
 from dataclasses import replace
 
 import pytest

@@ -1,5 +1,3 @@
-"""Fixtures shared by several files, made once per process."""
-
 import pytest
 from replay_cases import simulated_pendulum, three_links
 
