@@ -56,21 +56,32 @@ def motion_figure(motion: Motion) -> Figure:
     that stick and slip, then the farthest travelled (a metre as a radian).
     """
     rows = _rows(motion)
-    drawn, others = _chosen(rows)
+    order = sorted(rows, key=lambda row: (row.kind, -row.travel))
+    if len(rows) > _MOST:
+        order = [row for row in order if row.kind < 2][:_MOST] or order[:_MOST]
+    drawn = [row for row in rows if row in order]
     height = _TALL if len(drawn) <= 4 else _LOW
     names = [row.name for row in rows]
     labels, note = picture_names(names, _LETTERS)
+    title = f"{Path(motion.scene.source).stem} · {motion.method}\n"
+    title += f"{counted(len(drawn), 'joint')} over {motion.t[-1] - motion.t[0]:.3g} s"
+    if others := [row for row in rows if row not in order]:
+        still = sum(row.kind == 2 for row in others)
+        parts = [f"{still} that never move"] * bool(still)
+        parts += [f"{len(others) - still} that travel less"] * (len(others) > still)
+        title += f"; not drawn: {' and '.join(parts)}"
+    model = motion.scene.model
+    if many := [name for name, nv in zip(model.names, model.nvs, strict=True) if nv > 1]:
+        title += f"; without {', '.join(many)}, which has several positions"
     with style():
-        title = f"{Path(motion.scene.source).stem} · {motion.method}"
-        title += f"\n{_what(motion, drawn, others)}{note}"
-        figure = sheet(11.0, height * max(len(drawn), 1) + 1.3, title)
+        figure = sheet(11.0, height * max(len(drawn), 1) + 1.3, title + note)
         if drawn:
             panels = figure.subplots(len(drawn), 3, sharex=True, squeeze=False)
             short = dict(zip(names, labels, strict=True))
             for row, axes in zip(drawn, panels, strict=True):
                 _draw(axes, motion, row, short[row.name])
-            still = 0.5 if len(motion.t) == 1 else 0.0  # an instant has no width
-            panels[0, 0].set_xlim(motion.t[0] - still, motion.t[-1] + still)
+            around = 0.5 if len(motion.t) == 1 else 0.0  # an instant has no width
+            panels[0, 0].set_xlim(motion.t[0] - around, motion.t[-1] + around)
             for column in panels.T:
                 for axes in [axes for axes in column if axes.axison][-1:]:
                     axes.set_xlabel("time (s)")
@@ -78,15 +89,6 @@ def motion_figure(motion: Motion) -> Figure:
             figure.align_ylabels()
             key_below(figure)
     return figure
-
-
-def _chosen(rows: Sequence[_Row]) -> tuple[list[_Row], list[_Row]]:
-    """Return the rows that are drawn, in the model's order, and the others."""
-    order = sorted(rows, key=lambda row: (row.kind, -row.travel))
-    chosen = [row for row in order if row.kind < 2][:_MOST] or order[:_MOST]
-    if len(rows) <= _MOST:
-        chosen = order
-    return [row for row in rows if row in chosen], [row for row in rows if row not in chosen]
 
 
 def _rows(motion: Motion) -> list[_Row]:
@@ -167,15 +169,3 @@ def _dress(axes: Axes, motion: Motion, site: int, unit: str) -> None:
         t, sticks = motion.phase_t, runs(motion.phase_modes[:, site] == 0)
         spans = np.array([(t[a], t[b + 1]) for a, b in sticks]).reshape(-1, 2)
         shade(axes, spans, "this joint sticks")
-
-
-def _what(motion: Motion, drawn: Sequence[_Row], others: Sequence[_Row]) -> str:
-    text = f"{counted(len(drawn), 'joint')} over {motion.t[-1] - motion.t[0]:.3g} s"
-    if others:
-        still = sum(row.kind == 2 for row in others)
-        parts = [f"{still} that never move"] * bool(still)
-        parts += [f"{len(others) - still} that travel less"] * (len(others) > still)
-        text += f"; not drawn: {' and '.join(parts)}"
-    model = motion.scene.model
-    many = [n for n, nv in zip(model.names, model.nvs, strict=True) if nv > 1]
-    return text + (f"; without {', '.join(many)}, which has several positions" if many else "")

@@ -36,7 +36,18 @@ def torque_speed(joint: JointSizing, report: SizingReport) -> Figure:
     most = 1.05 * report.conditions.peak_factor * float(np.abs(worst).max())
     top = 1.15 * max(most, ratings.continuous_torque or 0.0, 0.957 * (ratings.peak_torque or 0.0))
     top = min(top, _MOST_SHRUNK * most) if most > 0 else top
-    reach = _speed_reach(ratings, report.conditions.bus_voltage, float(np.abs(speed).max()))
+    # The speed axis ends where the envelope does, unless the cycle uses little of it
+    voltage, used = report.conditions.bus_voltage, float(np.abs(speed).max())
+    ends = [1.25 * used]
+    limit = ratings.max_speed or ratings.no_load_speed or ratings.rated_speed
+    if limit is not None:
+        ends.append(1.05 * limit)
+    if ratings.no_load_speed is not None and ratings.nominal_voltage is not None:
+        ends.append(1.05 * ratings.no_load_speed * voltage / ratings.nominal_voltage)
+    elif ratings.torque_constant is not None:
+        ends.append(1.05 * voltage / ratings.torque_constant)
+    reach = max(ends) or 1.0
+    reach = min(reach, _MOST_SHRUNK * used) if used > 0 else reach
     shaft = "output" if taken.candidate.at_output else "motor"
     effort, rate = taken.candidate.units
     kind = "force" if effort == "N" else "torque"
@@ -110,20 +121,6 @@ def _drawn(joint: JointSizing, series: Sequence[np.ndarray]) -> np.ndarray:
     """Select the samples to draw over time, without the period's time off."""
     keep = thinned(list(series), _PIECES)
     return keep[joint.cycle.powered[keep]]
-
-
-def _speed_reach(ratings: Ratings, voltage: float, used: float) -> float:
-    """Return the end of the speed axis: the envelope's, unless the cycle uses little of it."""
-    ends = [1.25 * used]
-    limit = ratings.max_speed or ratings.no_load_speed or ratings.rated_speed
-    if limit is not None:
-        ends.append(1.05 * limit)
-    if ratings.no_load_speed is not None and ratings.nominal_voltage is not None:
-        ends.append(1.05 * ratings.no_load_speed * voltage / ratings.nominal_voltage)
-    elif ratings.torque_constant is not None:
-        ends.append(1.05 * voltage / ratings.torque_constant)
-    reach = max(ends) or 1.0
-    return min(reach, _MOST_SHRUNK * used) if used > 0 else reach
 
 
 def _draw_envelope(

@@ -116,16 +116,6 @@ def _colored(mesh: Any) -> Any:
     import trimesh
 
     refuse_nowhere(mesh.vertices)
-    colors = _colors(mesh)
-    mesh.visual = trimesh.visual.ColorVisuals(mesh, vertex_colors=colors)
-    if not (colors == colors[0]).all():
-        return mesh
-    mesh.merge_vertices(merge_tex=True, merge_norm=True)
-    return painted(mesh, colors[0])
-
-
-def _colors(mesh: Any) -> np.ndarray:
-    """(n, 4) uint8 from a texture, a material or the vertices; else gray."""
     visual = mesh.visual
     try:
         if visual.kind == "texture":
@@ -137,7 +127,12 @@ def _colors(mesh: Any) -> np.ndarray:
             colors = visual.vertex_colors if visual.kind else _GRAY
     except Exception:  # a texture that cannot be read must not cost the shape
         colors = _GRAY
-    return np.broadcast_to(np.asarray(colors, np.uint8), (len(mesh.vertices), 4))
+    colors = np.broadcast_to(np.asarray(colors, np.uint8), (len(mesh.vertices), 4))
+    mesh.visual = trimesh.visual.ColorVisuals(mesh, vertex_colors=colors)
+    if not (colors == colors[0]).all():
+        return mesh
+    mesh.merge_vertices(merge_tex=True, merge_norm=True)
+    return painted(mesh, colors[0])
 
 
 def _geometry(geometry: Any, robot: Robot, loaded: dict[Path, Any]) -> Any:

@@ -28,7 +28,20 @@ def check_report(report: CheckReport) -> list[RenderableType]:
         title += f", {figures['reach']:.3g} m reach" if figures["reach"] else ""
     items: list[RenderableType] = [Text(title, style="bold"), Text()]
     items += [finding_list(report.findings), Text()] if report.findings else []
-    return [*items, Text(_closing(report))]
+    numbers = {s: report.count(s) for s in (Severity.ERROR, Severity.WARNING, Severity.NOTE)}
+    kinds = {s: len({f.kind for f in report.findings if f.severity == s}) for s in numbers}
+    listed = ", ".join(
+        counted(n, s.name.lower()) + (f" of {counted(kinds[s], 'kind')}" if kinds[s] < n else "")
+        for s, n in numbers.items()
+        if n
+    )
+    if numbers[Severity.ERROR]:
+        closing = f"{listed}: correct the errors before you use any result."
+    elif numbers[Severity.WARNING]:
+        closing = f"{listed}: usable; look at the warnings first."
+    else:
+        closing = f"nothing implausible found{f' ({listed})' if listed else ''}."
+    return [*items, Text(closing)]
 
 
 def doubts(report: CheckReport) -> list[RenderableType]:
@@ -55,34 +68,13 @@ def finding_list(findings: Iterable[Finding]) -> RenderableType:
     groups: dict[tuple[Severity, str], list[Finding]] = {}
     for finding in findings:
         groups.setdefault((finding.severity, finding.kind), []).append(finding)
-    for (severity, _), same in groups.items():
-        style = _STYLES[severity]
+    for (severity, _), (first, *same) in groups.items():
+        word = first.place.partition(" ")[0]
+        names = ", ".join(f.place.removeprefix(f"{word} ") for f in same[:_MOST_NAMES])
+        more = f" and {len(same) - _MOST_NAMES} more" if len(same) > _MOST_NAMES else ""
+        also = f"; also {names}{more}" if same else ""
         table.add_row(
-            Text(severity.name.lower(), style),
-            Text.assemble((same[0].place, "bold"), f": {same[0].text}{_others(same[1:])}"),
+            Text(severity.name.lower(), _STYLES[severity]),
+            Text.assemble((first.place, "bold"), f": {first.text}{also}"),
         )
     return table
-
-
-def _others(same: list[Finding]) -> str:
-    if not same:
-        return ""
-    word = same[0].place.partition(" ")[0]
-    names = [f.place.removeprefix(f"{word} ") for f in same[:_MOST_NAMES]]
-    more = f" and {len(same) - len(names)} more" if len(same) > len(names) else ""
-    return f"; also {', '.join(names)}{more}"
-
-
-def _closing(report: CheckReport) -> str:
-    numbers = {s: report.count(s) for s in (Severity.ERROR, Severity.WARNING, Severity.NOTE)}
-    kinds = {s: len({f.kind for f in report.findings if f.severity == s}) for s in numbers}
-    listed = ", ".join(
-        counted(n, s.name.lower()) + (f" of {counted(kinds[s], 'kind')}" if kinds[s] < n else "")
-        for s, n in numbers.items()
-        if n
-    )
-    if numbers[Severity.ERROR]:
-        return f"{listed}: correct the errors before you use any result."
-    if numbers[Severity.WARNING]:
-        return f"{listed}: usable; look at the warnings first."
-    return f"nothing implausible found{f' ({listed})' if listed else ''}."

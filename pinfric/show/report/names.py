@@ -84,7 +84,15 @@ def shortened(names: Sequence[str], room: int) -> list[str]:
     alike = len(set(names)) == 1
     front = 0 if alike else _common(names)
     back = 0 if alike else _common([name[::-1] for name in names])
-    return [_cut_around(name, front, back, room) for name in names]
+    cut = list(names)
+    for i, name in enumerate(names):
+        if len(name) > room:
+            middle = (front + len(name) - min(back, len(name) - front)) // 2
+            start = min(max(middle - room // 2, 0), len(name) - room)
+            window = name[start : start + room]
+            window = "…" + window[1:] if start > 0 else window
+            cut[i] = window[:-1] + "…" if start + room < len(name) else window
+    return cut
 
 
 def least_room(names: Sequence[str]) -> int:
@@ -123,13 +131,3 @@ def _cut_in_the_middle(names: Sequence[str], room: int) -> list[str] | None:
 def _common(names: Sequence[str]) -> int:
     columns = zip(*names, strict=False)
     return sum(1 for _ in itertools.takewhile(lambda letters: len(set(letters)) == 1, columns))
-
-
-def _cut_around(name: str, front: int, back: int, room: int) -> str:
-    if len(name) <= room:
-        return name
-    middle = (front + len(name) - min(back, len(name) - front)) // 2
-    start = min(max(middle - room // 2, 0), len(name) - room)
-    window = name[start : start + room]
-    window = "…" + window[1:] if start > 0 else window
-    return window[:-1] + "…" if start + room < len(name) else window

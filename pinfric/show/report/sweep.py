@@ -41,7 +41,13 @@ def sweep_report(result: SweepResult, summary: SweepSummary) -> Report:
             tables.append(table_of(at[1:], summary.joints, only=[*keys, *figures]))
         tables.append(_driver_table(result, where))
     if elastic := result.elastic_quantiles():
-        tables.append(_elastic_table(result, elastic))
+        rows = []
+        for name, values in elastic.items():
+            scale, unit = (1.0, "Hz") if name == "lowest_frequency" else (1e3, "mm")
+            rows.append((name.replace("_", " "), unit, *(digits(scale * x) for x in values)))
+        columns = [Column("figure", ColumnKind.LABEL), Column("unit", ColumnKind.LABEL)]
+        columns += [Column(f"{p:g} %") for p in result.percentiles]
+        tables.append(Table("elastic gears: the worst of each cycle", columns, rows, keys=2))
     if summary.motors:
         cells: dict[str, Callable[[Any], str]] = {
             "suffices": lambda motor: percent(motor.suffices, interval=True),
@@ -51,11 +57,28 @@ def sweep_report(result: SweepResult, summary: SweepSummary) -> Report:
         tables.append(table_of(title_of_trials, summary.motors, cells=cells))
     lines = []
     if result.trials:
+        tried, drives = len(result.trials), len(result.actuator_names)
+        sufficing = f"all motors on trial ({tried} of {drives} drives) suffice"
+        if tried == drives:
+            sufficing = "all motors suffice"
+        elif tried == 1:
+            sufficing = f"the motor on trial (1 of {drives} drives) suffices"
         share = percent(result.probability(result.sufficing()), interval=True)
-        lines.append(f"{_motors(result)} in {share} of the samples")
+        lines.append(f"{sufficing} in {share} of the samples")
         if result.sampling == "random":
             lines.append("in brackets: 95 % confidence interval, for the number of samples only")
-    lines += _trial_notes(result)
+        for trial in result.trials:
+            if missing := result.not_checked(trial):
+                lines.append(f"{trial.drive}: {', '.join(missing)} not checked: no figure")
+        masses = ", ".join(
+            f"{t.drive} {'not known' if (m := t.candidate.mass) is None else f'{digits(m)} kg'}"
+            for t in result.trials
+        )
+        lines.append(
+            f"criteria of `pinfric size`; drive masses added to the parent links: {masses} (other "
+            "joints: as in the scene; conditions.mass_in_urdf: masses that the links already "
+            "include)"
+        )
     if not result.solved.all():
         lines.append(
             f"{np.count_nonzero(~result.solved)} samples have no solution: not in the percentiles, "
@@ -68,17 +91,6 @@ def sweep_report(result: SweepResult, summary: SweepSummary) -> Report:
             "non-monotonic effects are missed (use sampling: sobol)"
         )
     return paragraphs(title, *tables, lines)
-
-
-def _elastic_table(result: SweepResult, figures: dict[str, np.ndarray]) -> Table:
-    rows = []
-    for name, values in figures.items():
-        scale, unit = (1.0, "Hz") if name == "lowest_frequency" else (1e3, "mm")
-        shown = (digits(scale * x) for x in values)
-        rows.append((name.replace("_", " "), unit, *shown))
-    columns = [Column("figure", ColumnKind.LABEL), Column("unit", ColumnKind.LABEL)]
-    columns += [Column(f"{p:g} %") for p in result.percentiles]
-    return Table("elastic gears: the worst of each cycle", columns, rows, keys=2)
 
 
 def _driver_table(result: SweepResult, where: str) -> Table:
@@ -135,30 +147,3 @@ def percent(probability: Probability, interval: bool = False) -> str:
     if interval and probability.low is not None and probability.high is not None:
         text += f" ({100 * probability.low:.1f}–{100 * probability.high:.1f})"  # noqa: RUF001
     return text
-
-
-def _motors(result: SweepResult) -> str:
-    tried, drives = len(result.trials), len(result.actuator_names)
-    if tried == drives:
-        return "all motors suffice"
-    if tried == 1:
-        return f"the motor on trial (1 of {drives} drives) suffices"
-    return f"all motors on trial ({tried} of {drives} drives) suffice"
-
-
-def _trial_notes(result: SweepResult) -> list[str]:
-    lines = []
-    for trial in result.trials:
-        if missing := result.not_checked(trial):
-            lines.append(f"{trial.drive}: {', '.join(missing)} not checked: no figure")
-    if result.trials:
-        masses = ", ".join(
-            f"{t.drive} {'not known' if (m := t.candidate.mass) is None else f'{digits(m)} kg'}"
-            for t in result.trials
-        )
-        lines.append(
-            f"criteria of `pinfric size`; drive masses added to the parent links: {masses} (other "
-            "joints: as in the scene; conditions.mass_in_urdf: masses that the links already "
-            "include)"
-        )
-    return lines

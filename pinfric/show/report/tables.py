@@ -176,7 +176,21 @@ def _lay_out(table: Table, width: int) -> tuple[list[list[str]], list[int], list
         if len(even) > len(blocks):
             break
         blocks = even
-    widths = _grow(table, whole, least, blocks, width)
+    # A block's spare width goes to the keys, then to the others, left to right; words beside a long
+    # key shrink below what is good where their block would be too wide
+    widths = list(least)
+
+    def spare(block: Sequence[int]) -> int:
+        return width - sum(widths[c] + _GAP for c in block) + _GAP
+
+    for c in range(table.keys):
+        widths[c] = min(whole[c], widths[c] + max(min(map(spare, blocks)), 0))
+    for block in blocks:
+        for c in block[table.keys :]:
+            column = table.columns[c]
+            folds = column.kind is ColumnKind.WORDS
+            floor = _widest((column.heading,)) if folds else widths[c]
+            widths[c] = min(whole[c], max(widths[c] + spare(block), floor))
     for c, column in enumerate(table.columns):
         names = [*_lines(cells[c]), *column.among]
         if column.kind is ColumnKind.NAME and least_room(names) <= widths[c]:
@@ -218,35 +232,6 @@ def _blocks(least: Sequence[int], keys: int, width: int) -> list[list[int]]:
         blocks[-1].append(c)
         room -= least[c] + _GAP
     return blocks or [key]
-
-
-def _grow(
-    table: Table,
-    whole: Sequence[int],
-    least: Sequence[int],
-    blocks: Sequence[Sequence[int]],
-    width: int,
-) -> list[int]:
-    """Give the blocks' spare width to the keys, then to the rest, left to right.
-
-    A column of words shrinks where its block would be too wide.
-    """
-    widths = list(least)
-
-    def spare(block: Sequence[int]) -> int:
-        return width - sum(widths[c] + _GAP for c in block) + _GAP
-
-    for c in range(table.keys):
-        free = min(map(spare, blocks))
-        widths[c] = min(whole[c], widths[c] + max(free, 0))
-    for block in blocks:
-        for c in block[table.keys :]:
-            folds = (
-                table.columns[c].kind is ColumnKind.WORDS
-            )  # beside a long key into less than is good
-            floor = _widest((table.columns[c].heading,)) if folds else widths[c]
-            widths[c] = min(whole[c], max(widths[c] + spare(block), floor))
-    return widths
 
 
 def _lines(cells: Sequence[str]) -> list[str]:
