@@ -103,7 +103,7 @@ def gravity_scales(
         y = s G(q) + s_d (t - G) + J a + friction + g |t| sign v
 
     t is the URDF's rigid effort; blocks are the samples. Losses that differ by d between driving
-    and driven change s by up to d/2. Joints whose logs do not tell s are left out.
+    and driven change s by up to d/2. Joints whose logs do not determine s are left out.
     """
     from scipy.special import stdtrit
 

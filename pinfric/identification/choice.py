@@ -174,7 +174,7 @@ def nested_errors(problem: Problem, rows: Sequence[Rows]) -> tuple[FloatArray, F
 def free_errors(problem: Problem, rows: Sequence[Rows]) -> FloatArray:
     """Return (nj,) RMS errors on held-out blocks of ordinary least squares, with plain friction.
 
-    The URDF only decides what no row tells.
+    The URDF only decides what no row determines.
     """
     squares, plain = np.zeros(len(rows)), problem.slots([PLAIN] * len(rows))
     free = replace(problem.prior, weight=_FREE * problem.prior.weight)
@@ -219,8 +219,8 @@ def simplest_adequate_law(errors: Mapping[Law, FloatArray], rows: FloatArray) ->
     """Return the law of fewest coefficients that is not worse than the best one.
 
     Not worse: the parts' mean difference in squared error is within one standard error, or the RMS
-    error within 2 %. Among equally many coefficients, viscous friction goes before other powers of
-    the speed, which noise prefers as often; then the smaller error decides.
+    error within 2 %. Of equally many coefficients viscous friction goes before other powers of the
+    speed, which noise prefers as often; then the smaller error decides.
 
     Args:
         errors: law -> (parts,) sum of squared errors. rows: (parts,) their numbers.

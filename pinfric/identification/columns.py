@@ -92,7 +92,7 @@ class Prepared:
         slides: (n, nj) where a joint slides: the rows that are fitted.
         rigid, slots: (n, nj, ...) as in `Rows`; slots of loads are 0 before `with_loads`.
         effort: time -> (., nj) low-passed, less what payloads and springs take. A cubic spline:
-            means of two samples have less noise, which would draw delays between samples.
+            linear interpolation has less noise between samples, which would bias delays.
         payload: (T, nj) what payloads take, less what springs give, N m or N.
         load, bearing: (T, nj) by the present estimate, N m or N: effort without friction; load of
             the joint's bearing, or of its gear where the scene names no bearing.

@@ -125,7 +125,7 @@ def pooled(estimates: Sequence[tuple[float, float]]) -> tuple[float, float]:
         error = 1/sqrt(sum of 1/(e^2 + scatter^2))
 
     psi(r) = r within 1.345, else 1.345 sign(r) (Huber, Robust statistics, 1981, ch. 6: proposal 2),
-    so one value with a wrong error does not draw the mean.
+    so one value with a wrong error hardly biases the mean.
 
     Args:
         estimates: (value, standard error) of each.

@@ -124,12 +124,12 @@ class Estimate:
     """What is known at a step, and in the end what was found.
 
     Attributes:
-        scene: the question's, with the links' inertias found.
-        prepared: the columns of each log, loads by the present inertias.
+        scene: the question's, with the fitted inertias of links.
+        prepared: the columns of each log, loads by these inertias.
         choice: laws and held-out errors.
         rows: of each joint. row_weights: (n,) of these, below 1 for outliers.
         problem: the summed products, with the weights that were used.
-        fit: with links that can exist.
+        fit: with physically possible links.
         stribeck: of each joint's friction; None: it has none.
         errors: (nj,) of the chosen laws and of plain friction, on blocks used neither for the
             choice nor for the fit, N m or N.
@@ -367,7 +367,7 @@ def _shows_gear(estimate: Estimate, joint: int) -> bool:
 
 
 def offered(estimate: Estimate, joint: int) -> tuple[Law, ...]:
-    """Return the laws that one joint's data can tell apart, by the estimate."""
+    """Return the laws that one joint's data can distinguish, by the estimate."""
     scene, rows = estimate.scene, estimate.rows[joint]
     name = scene.joint_names[joint]
     if name in estimate.question.laws:

@@ -1,6 +1,6 @@
 """Inertial parameters of links: regularised to the URDF's, and physically possible.
 
-A body can exist if its pseudo-inertia [[Sigma, h], [h^T, m]] is positive definite, that is U U^T
+A body is possible if its pseudo-inertia [[Sigma, h], [h^T, m]] is positive definite, that is U U^T
 with U = exp(alpha) [[exp(d1), s12, s13, t1], [0, exp(d2), s23, t2], [0, 0, exp(d3), t3], [0, 0, 0,
 1]] (Rucker and Wensing, Smooth parameterization of rigid-body inertia, 2022).
 """
@@ -71,7 +71,7 @@ def with_parameters(model: pin.Model, theta: FloatArray) -> pin.Model:
 def consistent_fit(
     normal: Normal, prior: Prior, start: Fit, chosen: Sequence[Sequence[int]]
 ) -> Fit:
-    """Return the best estimate whose links can exist; kept parameters stay as they are.
+    """Return the best estimate with possible links; kept parameters stay as they are.
 
     Slots above zero are eliminated. What is left is quadratic in theta and is minimised over alpha,
     d, s and t of every link; then the slots `chosen` follow from theta, >= 0. `start` is the
@@ -108,7 +108,7 @@ def consistent_fit(
 def _nearest_bodies(psi: FloatArray, best: FloatArray, root: FloatArray) -> FloatArray:
     """Return the psi that makes |root (theta(psi) - best)|^2 least, by Levenberg and Marquardt.
 
-    All of psi are logarithms or shares of a link's size, so one damping suits them all; one by
+    All of psi are logarithms or shares of a link's size, so one damping suits them all; damping by
     curvature runs along what no log determines, to links without mass.
     """
     damping, off = 1.0, root @ (_theta(psi) - best)
@@ -143,7 +143,7 @@ def _theta(psi: FloatArray) -> FloatArray:
 
 
 def _log_cholesky(parameters: FloatArray) -> FloatArray:
-    """Return alpha, d1, d2, d3, s12, s23, s13, t1, t2, t3 of the nearest body that can exist."""
+    """Return alpha, d1, d2, d3, s12, s23, s13, t1, t2, t3 of the nearest possible body."""
     pseudo = pin.PseudoInertia.FromDynamicParameters(parameters).toMatrix()
     values, vectors = np.linalg.eigh(pseudo)
     floor = _THIN * max(float(values[-1]), 1e-3)

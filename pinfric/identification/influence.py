@@ -57,9 +57,8 @@ def influence(
         M = S (H + F)^-T,    the covariance is M^T M
 
     Rows of S: the blocks' gradients less their mean; P times the deviation of the prior's center;
-    gradients of what the model lacks; each coefficient times a ridge that decides what no row
-    tells. For its own gradient a block is left out of H: with few blocks each pulls the fit to
-    itself.
+    gradients of what the model lacks; each coefficient times a ridge, for what no row determines.
+    For its own gradient a block is left out of H: with few blocks each pulls the fit to itself.
 
     Args:
         grams, weights: of each joint. prior: of theta; kept parameters take no part.

@@ -108,7 +108,7 @@ def candidates(
     stribeck: bool = False,
     load_stribeck: bool = False,
 ) -> tuple[Law, ...]:
-    """Return the laws that a joint's data can tell apart.
+    """Return the laws that a joint's data can distinguish.
 
     Args:
         bearing: the scene gives the joint a bearing.

@@ -94,7 +94,7 @@ def misfits(estimate: Estimate) -> tuple[Misfit, ...]:
 def uneven(estimate: Estimate) -> dict[int, float]:
     """Return joint -> half the difference of its Coulomb friction by direction, where it is large.
 
-    An offset of the effort's sensor makes the same difference, and no log tells the two apart.
+    An offset of the effort's sensor makes the same difference; no log distinguishes the two.
     """
     result = {}
     for j in estimate.known:

@@ -139,7 +139,7 @@ class Normal:
 
 
 class FrictionNormalEquations:
-    """Normal equations without theta: the cost of coefficients beside the best theta."""
+    """Normal equations of the friction coefficients, with theta eliminated."""
 
     def __init__(self, normal: Normal, prior: Prior) -> None:
         self.by_slots: FloatArray = np.zeros_like(normal.cross)
@@ -269,10 +269,10 @@ def above_zero(fit: Fit, chosen: Sequence[Sequence[int]]) -> IntArray:
 def non_negative(left: FloatArray, right: FloatArray) -> FloatArray:
     """Return the x >= 0 that makes x^T left x / 2 - right^T x least.
 
-    Columns are scaled to one; a ridge decides where nothing tells two of them apart. All problems
-    are solved together: coefficients below zero are set to zero, and those freed whose gradient
-    asks for it, until none is left (Kim and Park, Fast nonnegative matrix factorization, 2011).
-    Where that goes in circles, each is solved by itself.
+    Columns are scaled to one; a ridge decides between dependent ones. All problems are solved
+    together: coefficients below zero are set to zero, and those freed whose gradient asks for it,
+    until none is left (Kim and Park, Fast nonnegative matrix factorization, 2011). Where that
+    cycles, each is solved by itself.
 
     Args:
         left: (..., n, n) symmetric, positive semidefinite. right: (..., n).

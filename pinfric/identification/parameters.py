@@ -316,5 +316,5 @@ def _rest_excess(rows: Rows, law: Law, slots: FloatArray) -> float:
 
 
 def _rounded(value: float) -> float:
-    """Six digits: more than any log tells."""
+    """Six digits: more than any log determines."""
     return float(f"{value:.6g}")

@@ -117,8 +117,7 @@ def uncertainty(estimate: Estimate, shapes: Sequence[Misfit] = ()) -> Uncertaint
 
     `influence` derives the first part: s is a block's part of the gradient, S the variance of the
     URDF's parameters, G the `gradients` of what the model may have absorbed of the residuals'
-    shapes, of unknown sign. b is the `bias` by a joint's shapes; what one joint lacks tells nothing
-    of another.
+    shapes, of unknown sign. b is the `bias` by a joint's shapes; these are independent.
     """
     problem, fit = estimate.problem, estimate.fit
     place = _uncertain(estimate)

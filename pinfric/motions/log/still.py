@@ -126,8 +126,8 @@ def with_resting_ends(
     """Return the holds of all joints, with the first and the last sample if the robot rests there.
 
     It rests if velocity and acceleration of a polynomial through the first samples are zero within
-    three standard errors, and these are small beside the largest velocity and acceleration. A joint
-    that moves little tells nothing; all of an arm start together.
+    three standard errors, and these are small beside the largest velocity and acceleration. Joints
+    that move little do not count; all of an arm start together.
     """
     result, last = [list(own) for own in holds], len(position) - 1
     for end, at, positions in ((0, 0, position), (last, -1, position[::-1])):
