@@ -27,8 +27,7 @@ def named_columns(
     """Return the joints that a file has columns for: all, or with loops the independent ones.
 
     Args:
-        scene: only a `Scene` with loops lets a file leave joints out. columns: (nj,) all joints.
-        names: what the file names; unknown names are refused elsewhere.
+        columns: (nj,) all joints. names: in the file; unknown ones are refused elsewhere.
         problems: a wrong number of joints is appended here.
     """
     if not isinstance(scene, Scene) or not scene.loops:
@@ -64,7 +63,6 @@ def complete_motion(
     because measured positions close no loop exactly. Else all that was given stays.
 
     Args:
-        scene: with loops. source: the file, for messages.
         columns, named: (nj,) all joints, (k,) those in the file.
         position, v, a: (T, k) rad or m, and per second. derived: some of v, a came from splines.
         warnings: how far positions were moved is appended here.

@@ -86,7 +86,7 @@ class Lift:
     Attributes:
         drive: its column in efforts. column: its joint's in `Rated.columns`.
         posture: of `Rated.postures`, in which it is held and from which it moves.
-        held: largest |effort| that holds the payload, over all joints' ranges, N m or N.
+        held: largest |effort| that holds the payload over all ranges, N m or N.
         to: (nj,) where the move ends. duration: of the move, s.
         speed, reached: the joint's top speed, and the move's, rad/s or m/s.
     """

@@ -111,9 +111,7 @@ def solve_tool_points(
 ) -> tuple[WayPointFile, dict[int, BSpline]]:
     """Return the file with positions of all joints, and the joints' paths of straight moves.
 
-    Returns:
-        The file, with `q` at each point; number of a point -> spline of (nj,) positions over the
-            move's way from 0 to 1.
+    The latter are number of a point -> spline of (nj,) positions over its move, from 0 to 1.
 
     Raises:
         TrajectoryError: no tool, a place out of reach (by how far), a line on which the posture

@@ -226,8 +226,7 @@ def sample_waypoints(
     acceleration of the move that follows.
 
     Args:
-        waypoints: the file. columns: (nj,) the model's joints in its order.
-        payloads: name -> attached at the start.
+        columns: (nj,) the model's joints in its order. payloads: name -> attached at the start.
         source: the file, for messages. lines: of `solve_tool_points`.
 
     Raises:

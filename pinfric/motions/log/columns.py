@@ -184,7 +184,7 @@ def find_columns(
     """Say which column is what.
 
     Args:
-        header: all columns. first: the first row's texts. mapping: what a person says of it.
+        first: the first row's texts. mapping: what a person says.
         joints, payloads: those that may have columns.
         said: what is missing, twice there or unknown is added here.
         currents: joints whose current is read where there is no effort.

@@ -63,10 +63,9 @@ class LogFrame:
     """Numbers of the columns that were asked for.
 
     Args:
-        names: (n,) the columns. values: (rows, n); NaN: no number.
-        lines: (rows,) of the rows in the file.
+        names: (n,) columns. values: (rows, n); NaN: no number. lines: (rows,) in the file.
         resolution: column -> the last digit printed; left out: not rounded.
-        origin: column -> whole number subtracted from it, so that the others are exact.
+        origin: column -> whole number subtracted from it to keep the digits.
         dropped, why: how many rows were left out, and which.
         absent: rows without a number in any of the columns but the first.
     """

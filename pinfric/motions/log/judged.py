@@ -59,8 +59,8 @@ class JudgedLog:
         bound: drive -> (T,) how far its effort may be off, N m or N; empty where nothing was
             filtered, or where loops close.
         peak_uncertainty: drive -> the same of its peak.
-        measured: drive -> its own effort in the log, compared.
-        at: one of `EFFORT_PLACES`. notes: what its efforts were taken for.
+        measured: drive -> its logged effort, compared.
+        at: one of `EFFORT_PLACES`. notes: what efforts were taken for.
     """
 
     reading: Reading

@@ -70,13 +70,11 @@ class Samples:
     """A log's samples in SI; `regularise` and `smooth` change them.
 
     Attributes:
-        columns: (nj,) the joints.
         table: the motion; NaN where velocity or acceleration is to be derived.
         rows: (T,) number of the row, with a fraction where a sample lies between two.
         reading: what was found and done. problems: what cannot be mended.
         recorded: whether the file holds measurements: these are put on regular times for filters.
-        logged: (T, nj) measured velocities, rad/s or m/s, NaN where there are none: they tell when
-            rows were taken.
+        logged: (T, nj) measured velocities, rad/s or m/s, or NaN: they show when rows were taken.
         every: of how many samples the table has one; `rows` are those of all.
     """
 

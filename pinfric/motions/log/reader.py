@@ -71,7 +71,6 @@ def read_log(
     """Read a CSV, Parquet or MATLAB file, a bag, or arrays.
 
     Args:
-        source: the file, a bag's folder, or a log's arrays.
         joints, payloads: those that may have columns (`payload.<name>`).
         choose: names of the joints that have positions, problems -> the joints that must have.
         options: what the person said. said: everything wrong in the file is added here.

@@ -1,8 +1,7 @@
 """Units of a log: recognised where the evidence is clear, else the person is asked.
 
-Arguments: columns (nj,) the joints; t (T,) s; position (T, nj) rad or m, unwrapped but for units;
-lines (T,) of the rows in the file; stated, a unit that somebody said; said, to which notes and
-problems are added.
+Arguments: columns (nj,) the joints; t (T,) s; position (T, nj) rad or m; lines (T,) in the file;
+stated, a unit that somebody said; said, to which notes and problems are added.
 """
 
 from __future__ import annotations
@@ -57,10 +56,10 @@ def time_factor(
     position: FloatArray,
     said: Remarks,
 ) -> float:
-    """Return s per unit of a time column, whose first number is `start` (it may be subtracted).
+    """Return s per unit of a time column, whose first number is `start`.
 
     At 20 Hz or more in s they are s. Else they may be ms, us or ns, if that makes 2 Hz to 20 kHz,
-    and the joints' speeds must tell: no joint is so fast, no recording so slow.
+    and the joints' speeds decide: no joint is so fast, no recording so slow.
     """
     if stated is not None:
         return TIME_UNITS[stated]
