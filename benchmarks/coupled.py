@@ -98,28 +98,28 @@ class _Sample:
     @classmethod
     def of(cls, result: InverseResult, sample: int) -> _Sample | None:
         """Return a sample's problem; None where the drives cannot balance its load."""
-        plan, samples, velocity = one_sample(result, sample)
-        if samples.maps.singular[0]:
+        plan, samples = one_sample(result, sample)
+        if samples.singular[0]:
             return None
-        law = friction_laws(plan, samples.maps, velocity, result.reversal[sample][None])
+        law = friction_laws(plan, samples)
         ns = len(plan.sites.joint)
 
         def solver(factor: float) -> tuple[Search, int, Reduced]:
             scaled = law._replace(mu=factor * law.mu)
-            return choice_of_sample(plan, samples.maps, scaled, law.code[0])
+            return choice_of_sample(plan, samples, scaled, law.code[0])
 
         slope = np.zeros((len(plan.contacts.site), ns, 3))
         for s in range(ns):
             first = plan.sites.first_entry[s]
             part = slice(first, first + plan.sites.entry_count[s])
-            along = samples.maps.contact[0, :, 1:][:, part]
+            along = samples.contact[0, :, 1:][:, part]
             slope[:, s] = np.einsum("tke,k->te", along, law.direction[0, part])
         times = result.states.t
         return cls(
             t=float(sample if times is None else times[sample]),
             solver=solver,
             friction=CoupledFriction(
-                free=np.ascontiguousarray(samples.maps.contact[0, :, 0]),
+                free=np.ascontiguousarray(samples.contact[0, :, 0]),
                 slope=slope,
                 site=plan.contacts.site,
                 gain=-law.way[SLIDES, 0] * law.mu[SLIDES, 0],

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pinfric.dynamics.inverse.effort_maps import Maps
+from pinfric.dynamics.inverse.effort_maps import LinkedSamples
 from pinfric.dynamics.problem.plan import Plan
 from pinfric.kernels.arrays import array, make
 from pinfric.kernels.compiled import kernel
@@ -44,19 +44,18 @@ class Choices(NamedTuple):
     constant: np.ndarray = array("n ns")
 
 
-def friction_laws(plan: Plan, maps: Maps, velocity: np.ndarray, at_rest: np.ndarray) -> Choices:
+def friction_laws(plan: Plan, samples: LinkedSamples) -> Choices:
     """Return the possible frictions of each site (`laws`; paper eq. 20, 21).
 
     Args:
-        plan, maps: see `effort_maps`.
-        velocity: (n, ne) relative velocities along the friction coordinates.
-        at_rest: (n, ns) bool, sites that pass through rest beside a sample.
+        plan, samples: see `effort_maps`.
     """
+    velocity, at_rest = samples.velocity, samples.reversal
     n, ns = at_rest.shape
     law: Choices = make(Choices, n=n, ns=ns, ne=len(plan.entries.velocity_index))
     law.constant[:] = plan.sites.constant
     for t in np.flatnonzero(~plan.sites.varies[plan.contacts.site]):
-        law.constant[:, plan.contacts.site[t]] += np.linalg.norm(maps.contact[:, t, 0], axis=1)
+        law.constant[:, plan.contacts.site[t]] += np.linalg.norm(samples.contact[:, t, 0], axis=1)
     ball = plan.sites.entry_count == 3
     _write_choices(plan.sites.laws, plan.sites.first_entry, ball, velocity, at_rest, law)
     return law

@@ -24,70 +24,63 @@ from pinfric.dynamics.problem.wrenches import (
     write_contacts,
 )
 from pinfric.friction.dense import affine, solve_balance
-from pinfric.kernels.arrays import array, make
 from pinfric.kernels.compiled import kernel
 
 
-class Maps(NamedTuple):
-    """Everything of a batch as a function of the friction: [:, ..., 0] + [:, ..., 1:] phi.
+class LinkedSamples(NamedTuple):
+    """A batch of samples of a linkage as functions of the friction: [:, ..., 0] + [:, ..., 1:] phi.
 
     Attributes:
+        wrench: (n, nj, 6), of the tree's joints without multipliers, drives off the joints and
+            friction: RNEA of the twin.
+        X: (n, nj + pairs, 6, nx), `kinematics.act_on_joints`.
+        velocity: (n, ne) along each friction coordinate (rad/s or m/s).
+        reversal: (n, ns) bool, whether a site passes through rest next to a sample.
         effort: (n, na, 1 + ne), of the drives (N m or N).
         y: (n, ny, 1 + ne), off-joint efforts, then multipliers.
         contact: (n, nt, 1 + ne, 3), weighted contact forces of the bearings (N m or N).
         singular: (n,) bool: the drives cannot balance the load here, or the closure changes rank.
     """
 
-    effort: np.ndarray = array("n na columns", fill=None)
-    y: np.ndarray = array("n ny columns", fill=None)
-    contact: np.ndarray = array("n nt columns 3")
-    singular: np.ndarray = array("n", bool)
-
-    @classmethod
-    def of(cls, plan: Plan, n: int) -> Maps:
-        """Make the arrays for n samples."""
-        na, ny, columns = len(plan.drives.action), plan.closure.solved, 1 + len(plan.entries.site)
-        maps: Maps = make(cls, n=n, na=na, ny=ny, nt=len(plan.contacts.owner), columns=columns)
-        return maps
+    wrench: np.ndarray
+    X: np.ndarray
+    velocity: np.ndarray
+    reversal: np.ndarray
+    effort: np.ndarray
+    y: np.ndarray
+    contact: np.ndarray
+    singular: np.ndarray
 
 
 @kernel
 def map_friction(
-    plan: Plan,
-    wrench: np.ndarray,
-    total_effort: np.ndarray,
-    X: np.ndarray,
-    J: np.ndarray,
-    q: np.ndarray,
-    maps: Maps,
+    plan: Plan, samples: LinkedSamples, total_effort: np.ndarray, J: np.ndarray, q: np.ndarray
 ) -> None:
     """Write efforts, multipliers and contact forces of a batch as affine functions of friction.
 
     Args:
         plan: of inverse dynamics.
-        wrench: (n, nj, 6), of the tree's joints without multipliers, drives off the joints and
-            friction: RNEA of the twin.
+        samples: whose `effort`, `y`, `contact` and `singular` are overwritten.
         total_effort: (n, nv), M a + h.
-        X, J: (n, nj + pairs, 6, nx), (n, nx, nv), `kinematics.act_on_joints`.
+        J: (n, nx, nv), `kinematics.act_on_joints`.
         q: (n, nq).
-        maps: overwritten; made by `Maps.of`.
     """
-    joint, ny = plan.contacts.joint, maps.y.shape[1]
-    at_joints, free = np.empty((joint.size, 6, maps.effort.shape[2])), np.empty((ny, ny))
+    wrench, X, ny = samples.wrench, samples.X, samples.y.shape[1]
+    joint, columns = plan.contacts.joint, samples.effort.shape[2]
+    at_joints, free = np.empty((joint.size, 6, columns)), np.empty((ny, ny))
     for i in range(wrench.shape[0]):
-        y = maps.y[i]
+        y, contact = samples.y[i], samples.contact[i]
         left = _balance(plan, total_effort[i], J[i], y, free)
         for row in range(joint.size):
             _write_known_wrench(plan.entries, joint[row], wrench[i], X[i], at_joints[row])
-        maps.singular[i] = left < 0 or not add_reactions(
+        samples.singular[i] = left < 0 or not add_reactions(
             plan.closure, joint, X[i], 0, free[:, :left].copy(), y, at_joints
         )
-        if maps.singular[i]:
-            y[:] = np.nan
-            maps.contact[i] = np.nan
+        if samples.singular[i]:
+            y[:] = contact[:] = np.nan
         else:
-            write_contacts(plan, q[i], at_joints, maps.contact[i])
-        _write_efforts(plan.drives, plan.entries, total_effort[i], J[i], y, maps.effort[i])
+            write_contacts(plan, q[i], at_joints, contact)
+        _write_efforts(plan.drives, plan.entries, total_effort[i], J[i], y, samples.effort[i])
 
 
 @kernel
@@ -206,9 +199,7 @@ def _write_known_wrench(
 @kernel
 def write_site_wrenches(
     plan: Plan,
-    wrench: np.ndarray,
-    X: np.ndarray,
-    y: np.ndarray,
+    samples: LinkedSamples,
     phi: np.ndarray,
     site_wrench: np.ndarray,
     solved: np.ndarray,
@@ -216,13 +207,13 @@ def write_site_wrenches(
     """Write the wrench at each site and the solved unknowns under given friction.
 
     Args:
-        plan, wrench, X: see `map_friction`.
-        y: (n, ny, 1 + ne) of `Maps`.
+        plan, samples: see `map_friction`.
         phi: (n, ne) friction.
         site_wrench: (n, ns, 6), overwritten, parent on child or a on b.
         solved: (n, ny), overwritten: off-joint efforts, then multipliers.
     """
-    joint, maps = plan.sites.joint, np.empty((6, y.shape[2]))
+    wrench, X, y, joint = samples.wrench, samples.X, samples.y, plan.sites.joint
+    maps = np.empty((6, y.shape[2]))
     for i in range(phi.shape[0]):
         affine(y[i], phi[i], solved[i])
         for s in range(joint.size):

@@ -1,6 +1,6 @@
 """Friction, efforts and their ends where reactions depend on friction.
 
-Everything except the friction law is affine in friction (`effort_maps.Maps`), so each sample is a
+Everything except the friction law is affine in friction (`effort_maps.LinkedSamples`), so each sample is a
 small coupled problem (`given_modes`). Sites whose friction depends on each other are an *island*;
 an effort is the sum of what its islands contribute. Sites that stick, or reverse next to a sample,
 have several possible frictions; the ends of efforts are where each is at one of its limits. A site
@@ -21,7 +21,7 @@ from typing import NamedTuple
 import numpy as np
 
 from pinfric.dynamics.inverse.choices import LOWER, NONE, SLIDES, UPPER, Choices, friction_laws
-from pinfric.dynamics.inverse.effort_maps import Maps
+from pinfric.dynamics.inverse.effort_maps import LinkedSamples
 from pinfric.dynamics.inverse.sign_bounds import Limits, Slopes, bound_slopes
 from pinfric.dynamics.problem.plan import Plan
 from pinfric.dynamics.samples.outcome import Status
@@ -107,7 +107,7 @@ class Choice(NamedTuple):
     """One choice of an island's frictions at one sample, and its solutions.
 
     Attributes:
-        contact, effort: (nt, 1 + ne, 3), (na, ne) of the sample's `Maps`.
+        contact, effort: (nt, 1 + ne, 3), (na, ne) of the sample.
         along: (nt, 1 + ns, 3) `contact` as a function of the friction along each direction.
         options, code, constant: (ns,) see `Choices`.
         last: (ns,) bool, see `Island`; while ends are searched none is.
@@ -148,35 +148,30 @@ class Choice(NamedTuple):
 class Search(NamedTuple):
     """A batch, one of its islands, and the results; see their classes."""
 
-    maps: Maps
+    samples: LinkedSamples
     law: Choices
     answer: Ends
     island: Island
     choice: Choice
 
 
-for _part in (Maps, Choices, Ends, Island, Choice, Search):
+for _part in (LinkedSamples, Choices, Ends, Island, Choice, Search):
     record(_part)
 
 
-def find_ends(plan: Plan, maps: Maps, velocity: np.ndarray, at_rest: np.ndarray) -> Ends:
-    """Solve every sample of a batch.
-
-    Args:
-        plan, maps: see `effort_maps`.
-        velocity, at_rest: see `choices.friction_laws`.
-    """
-    law, (n, na, columns) = friction_laws(plan, maps, velocity, at_rest), maps.effort.shape
+def find_ends(plan: Plan, samples: LinkedSamples) -> Ends:
+    """Solve every sample of a batch, see `effort_maps`."""
+    law, (n, na, columns) = friction_laws(plan, samples), samples.effort.shape
     answer: Ends = make(Ends, n=n, na=na, ns=len(plan.sites.joint), ne=columns - 1)
-    answer.status[maps.singular] = Status.SINGULAR
-    answer.lower[:] = answer.upper[:] = maps.effort[:, :, 0]
-    kept = [KernelArgument(part) for part in (maps, law, answer)]
-    for island in islands(plan, maps):
-        given = Search(maps, law, answer, island, choice_of(island, na))
+    answer.status[samples.singular] = Status.SINGULAR
+    answer.lower[:] = answer.upper[:] = samples.effort[:, :, 0]
+    kept = [KernelArgument(part) for part in (samples, law, answer)]
+    for island in islands(plan, samples.contact):
+        given = Search(samples, law, answer, island, choice_of(island, na))
         search = KernelArgument(given, *kept)
         resting = (law.options[:, island.site[~island.last]] > 1).any(axis=0).sum()
         long = resting > _INTERPRETED
-        solve_samples(search.record() if long else search.beside(maps.contact))
+        solve_samples(search.record() if long else search.beside(samples.contact))
     failed = ~np.isin(answer.status, (Status.CONVERGED, Status.AMBIGUOUS))
     for found in answer:
         if found.dtype == float and found is not answer.contraction:
@@ -185,11 +180,15 @@ def find_ends(plan: Plan, maps: Maps, velocity: np.ndarray, at_rest: np.ndarray)
     return answer
 
 
-def islands(plan: Plan, maps: Maps) -> Iterator[Island]:
-    """Yield the islands of a batch; small ones are taken together, which saves time."""
+def islands(plan: Plan, contact: np.ndarray) -> Iterator[Island]:
+    """Yield the islands of a batch; small ones are taken together, which saves time.
+
+    Args:
+        plan: of inverse dynamics. contact: (n, nt, 1 + ne, 3) of its samples.
+    """
     sites, contacts, entries = plan.sites, plan.contacts, plan.entries
     linked = np.zeros((len(sites.joint),) * 2, dtype=bool)
-    moved = (np.abs(maps.contact[:, :, 1:]) > 0.0).any(axis=(0, 3))  # nothing singular is
+    moved = (np.abs(contact[:, :, 1:]) > 0.0).any(axis=(0, 3))  # nothing singular is
     np.logical_or.at(linked, np.ix_(contacts.site, entries.site), moved)
     last = ~linked.any(axis=0) & (sites.entry_count == 1)
     together = np.arange(0)
@@ -226,18 +225,18 @@ def choice_of(island: Island, na: int) -> Choice:
 
 
 def choice_of_sample(
-    plan: Plan, maps: Maps, law: Choices, code: np.ndarray
+    plan: Plan, samples: LinkedSamples, law: Choices, code: np.ndarray
 ) -> tuple[Search, int, Reduced]:
     """Solve one choice (all sites,) of the only sample, without islands.
 
     Returns:
         The search with this choice, the number of its solutions, its problem as it is solved.
     """
-    ns, (_, na, columns) = len(code), maps.effort.shape
+    ns, (_, na, columns) = len(code), samples.effort.shape
     island = island_of(plan, np.arange(ns), np.zeros(ns, dtype=bool))
     answer: Ends = make(Ends, n=1, na=na, ns=ns, ne=columns - 1)
-    given = Search(maps, law, answer, island, choice_of(island, na))
-    search, choice = KernelArgument(given).beside(maps.contact), given.choice
+    given = Search(samples, law, answer, island, choice_of(island, na))
+    search, choice = KernelArgument(given).beside(samples.contact), given.choice
     begin(search, 0)
     choice.code[:] = code
     found = solve_choice(search, 0)
@@ -297,17 +296,17 @@ def solve_samples(search: Search) -> None:
 @kernel
 def begin(search: Search, i: int) -> None:
     """Take over one sample, with the friction that wrenches are given for."""
-    maps, law, island, choice = search.maps, search.law, search.island, search.choice
+    samples, law, island, choice = search.samples, search.law, search.island, search.choice
     site, entry, row, constant = island.site, island.entry, island.row, choice.constant
     for s in range(site.size):
         choice.options[s], choice.code[s] = law.options[i, site[s]], law.code[i, site[s]]
         constant[s], choice.x[0, s] = law.constant[i, site[s]], 0.0
-    direction, effort, every_effort = choice.direction, choice.effort, maps.effort
+    direction, effort, every_effort = choice.direction, choice.effort, samples.effort
     for e in range(entry.size):
         direction[e] = law.direction[i, entry[e]]
         for d in range(effort.shape[0]):
             effort[d, e] = every_effort[i, d, 1 + entry[e]]
-    contact, every_contact = choice.contact, maps.contact
+    contact, every_contact = choice.contact, samples.contact
     for t in range(row.size):
         for e in range(1 + entry.size):
             k = 1 + entry[e - 1] if e > 0 else 0

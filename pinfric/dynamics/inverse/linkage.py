@@ -14,10 +14,10 @@ import numpy as np
 
 from pinfric.dynamics.inverse.effort_maps import write_site_wrenches
 from pinfric.dynamics.inverse.interval_ends import MOST_PASSES, Ends, find_ends
-from pinfric.dynamics.inverse.linkage_batch import link_samples, loop_wrenches
+from pinfric.dynamics.inverse.linkage_batch import link_samples, loop_wrenches, site_speeds
 from pinfric.dynamics.inverse.result import InverseResult
 from pinfric.dynamics.inverse.undriven import check_undriven
-from pinfric.dynamics.problem.plan import Plan, kept_plan
+from pinfric.dynamics.problem.plan import kept_plan
 from pinfric.dynamics.samples.motor_torques import motor_torques
 from pinfric.dynamics.samples.outcome import Status
 from pinfric.dynamics.samples.reactions import (
@@ -26,7 +26,6 @@ from pinfric.dynamics.samples.reactions import (
     check_roll_moments,
     constant_payloads,
 )
-from pinfric.dynamics.samples.reversals import reversals
 from pinfric.dynamics.samples.states import States
 from pinfric.dynamics.samples.threaded import threads_for
 from pinfric.errors import PinfricWarning
@@ -53,20 +52,17 @@ def solve_linkage(
     drive_motion = np.empty((2, around.stop - around.start, na))
     for part, twin in constant_payloads(scene, states, whole, CHUNK * threads):
         here = slice(part.start - whole.start, part.stop - whole.start)
-        samples = link_samples(argument, scene, twin, states, applied, part, threads)
-        maps, X, there = samples.maps, samples.X, states.around(part)
-        velocity = samples.velocity[states.inside(part)]
-        if states.t is not None:
-            reversal[here] = site_reversals(plan, samples.velocity)[states.inside(part)]
-        sticking[here] = site_speeds(plan, velocity) <= plan.sites.laws.stick_velocity
-        moved = drive_motion[:, there.start - around.start : there.stop - around.start]
-        moved[0], moved[1] = samples.drive_velocity, samples.drive_acceleration
-        frictionless[here] = maps.effort[:, :, 0]
-        found = find_ends(plan, maps, velocity, reversal[here])
-        parts.append(found)
-        given = samples.wrench, X, maps.y, found.phi, wrench[here], solved[here]
-        write_site_wrenches(argument.beside(*given), *given)
-        multipliers[here] = loop_wrenches(linkage, X, solved[here])
+        there = states.around(part)
+        samples, moved = link_samples(argument, scene, twin, states, applied, part, threads)
+        drive_motion[:, there.start - around.start : there.stop - around.start] = moved
+        reversal[here] = samples.reversal
+        sticking[here] = site_speeds(plan, samples.velocity) <= plan.sites.laws.stick_velocity
+        frictionless[here] = samples.effort[:, :, 0]
+        ends = find_ends(plan, samples)
+        parts.append(ends)
+        given = ends.phi, wrench[here], solved[here]
+        write_site_wrenches(argument.beside(samples.X, *given), samples, *given)
+        multipliers[here] = loop_wrenches(linkage, samples.X, solved[here])
     answer = Ends(*map(np.concatenate, zip(*parts, strict=True)))
     _warn(scene, answer, whole.start)
     free = (sticking | reversal) & plan.sites.laws.dry  # friction is an interval
@@ -132,38 +128,3 @@ def _warn(scene: Scene, answer: Ends, first: int) -> None:
             more = f" and {len(here) - 1} more" if len(here) > 1 else ""
             text = f"{scene.source}: sample {first + here[0]}{more}: {what}"
             warnings.warn(text, PinfricWarning, stacklevel=4)
-
-
-def site_speeds(plan: Plan, velocity: np.ndarray) -> np.ndarray:
-    """Return the speed (n, ns) of each site; a ball's is the length of its angular velocity."""
-    squares = (
-        np.add.reduceat(velocity**2, plan.sites.first_entry, axis=1)
-        if len(plan.sites.joint)
-        else (np.zeros((len(velocity), 0)))
-    )
-    return np.asarray(np.sqrt(squares))
-
-
-def site_reversals(plan: Plan, velocity: np.ndarray) -> np.ndarray:
-    """Return (n, ns) whether a site passes through rest next to a sample.
-
-    A ball does where the straight line between two angular velocities comes as near to zero as its
-    stick velocity; of the two samples the slower one is marked (the earlier if equal).
-
-    Args:
-        velocity: (n, ne), along the friction coordinates.
-    """
-    stick = plan.sites.laws.stick_velocity
-    marked = reversals(np.ascontiguousarray(velocity[:, plan.sites.first_entry]), stick)
-    for s in np.flatnonzero(plan.sites.entry_count == 3):
-        w = velocity[:, plan.sites.first_entry[s] : plan.sites.first_entry[s] + 3]
-        change = np.diff(w, axis=0)
-        square = np.maximum((change**2).sum(axis=1), 1e-300)
-        share = np.clip(-(w[:-1] * change).sum(axis=1) / square, 0.0, 1.0)
-        nearest = np.linalg.norm(w[:-1] + share[:, None] * change, axis=1)
-        speed = np.linalg.norm(w, axis=1)
-        moving = (speed[:-1] > stick[s]) & (speed[1:] > stick[s])
-        passes = np.flatnonzero((nearest <= stick[s]) & moving)
-        marked[:, s] = False
-        marked[np.where(speed[passes] <= speed[passes + 1], passes, passes + 1), s] = True
-    return marked

@@ -8,9 +8,9 @@ from functools import partial
 import numpy as np
 
 from pinfric.dynamics.inverse.choices import LOWER, friction_laws
-from pinfric.dynamics.inverse.effort_maps import write_site_wrenches
+from pinfric.dynamics.inverse.effort_maps import LinkedSamples, write_site_wrenches
 from pinfric.dynamics.inverse.interval_ends import Ends, choice_of_sample, find_ends
-from pinfric.dynamics.inverse.linkage_batch import LinkedSamples, link_samples, loop_wrenches
+from pinfric.dynamics.inverse.linkage_batch import link_samples, loop_wrenches
 from pinfric.dynamics.problem.plan import Plan, drive_delivery, kept_plan
 from pinfric.dynamics.samples.outcome import Solution, SolvedMotion
 from pinfric.friction.dense import spectral_radius_bound
@@ -24,17 +24,16 @@ def find_solutions(result: SolvedMotion, sample: int) -> tuple[Solution, ...]:
     """Return the states of friction that obey the laws at one sample (`result.solutions`)."""
     if result.scene.linkage is None:
         return (_of_open_chain(result, sample),)
-    plan, samples, velocity = one_sample(result, sample)
-    reversal = result.reversal[sample][None]
-    if samples.maps.singular[0]:
+    plan, samples = one_sample(result, sample)
+    if samples.singular[0]:
         return ()
-    law = friction_laws(plan, samples.maps, velocity, reversal)
+    law = friction_laws(plan, samples)
     if (law.options > 1).any():
-        ends = find_ends(plan, samples.maps, velocity, reversal).ends
+        ends = find_ends(plan, samples).ends
         found = ends.reshape(-1, ends.shape[-1])
         found = found[~np.isnan(found).any(axis=1)]
     else:
-        search, count, reduced = choice_of_sample(plan, samples.maps, law, law.code[0])
+        search, count, reduced = choice_of_sample(plan, samples, law, law.code[0])
         choice = search.choice
         given = choice.x, max(count, 0), choice.figures
         count = from_many_starts(reduced, choice.way, *given)
@@ -46,31 +45,30 @@ def solve_sample(
     result: SolvedMotion, sample: int
 ) -> tuple[Ends, Callable[[np.ndarray], Solution]]:
     """Return one sample's ends, solved alone, and what makes solutions of frictions (ne,)."""
-    plan, samples, velocity = one_sample(result, sample)
-    ends = find_ends(plan, samples.maps, velocity, result.reversal[sample][None])
-    return ends, partial(_solution, result.scene, samples)
+    plan, samples = one_sample(result, sample)
+    return find_ends(plan, samples), partial(_solution, result.scene, samples)
 
 
-def one_sample(result: SolvedMotion, sample: int) -> tuple[Plan, LinkedSamples, np.ndarray]:
-    """Return the search's input of one sample: plan, maps, velocities (1, ne)."""
+def one_sample(result: SolvedMotion, sample: int) -> tuple[Plan, LinkedSamples]:
+    """Return the search's input of one sample."""
     scene, states = result.scene, result.states
     argument, part = kept_plan(scene, "inverse"), slice(sample, sample + 1)
     carried = next(names for start, stop, names in states.phases(scene) if start <= sample < stop)
     twin, applied = scene.twin(carried), result.external
-    samples = link_samples(argument, scene, twin, states, applied, part, 1)
-    return argument.given, samples, samples.velocity[states.inside(part)]
+    samples, _ = link_samples(argument, scene, twin, states, applied, part, 1)
+    return argument.given, samples._replace(reversal=result.reversal[part])
 
 
 def find_jamming_site(result: SolvedMotion, sample: int) -> str | None:
     """Return the site whose load grows most with friction (`result.jamming_site`)."""
     if result.scene.linkage is None or not result.scene.site_names:
         return None
-    plan, samples, velocity = one_sample(result, sample)
-    if samples.maps.singular[0]:
+    plan, samples = one_sample(result, sample)
+    if samples.singular[0]:
         return None
-    law = friction_laws(plan, samples.maps, velocity, result.reversal[sample][None])
+    law = friction_laws(plan, samples)
     code = np.where(law.options[0] > 1, LOWER, law.code[0])  # what sticks is at a limit
-    reduced = choice_of_sample(plan, samples.maps, law, code)[2]
+    reduced = choice_of_sample(plan, samples, law, code)[2]
     nz = reduced.contact.shape[1] - 1
     A, vector = np.empty((nz, nz)), np.empty(nz)
     contraction_matrix(reduced, A)
@@ -82,20 +80,20 @@ def find_jamming_site(result: SolvedMotion, sample: int) -> str | None:
 def _solution(scene: Scene, samples: LinkedSamples, phi: np.ndarray) -> Solution:
     argument, na, linkage = kept_plan(scene, "inverse"), len(scene.drives), scene.linkage
     assert linkage is not None
-    plan, maps = argument.given, samples.maps
+    plan = argument.given
     ns = len(plan.sites.joint)
     wrench, solved = np.empty((1, ns, 6)), np.empty((1, plan.closure.solved))
-    given = samples.wrench, samples.X, maps.y, phi[None], wrench, solved
-    write_site_wrenches(argument.beside(*given), *given)
+    given = phi[None], wrench, solved
+    write_site_wrenches(argument.beside(samples.X, *given), samples, *given)
     one = np.concatenate([[1.0], phi])
     load = np.empty(ns)
-    write_loads(maps.contact[0], plan.contacts.site, plan.sites.constant, phi, load)
+    write_loads(samples.contact[0], plan.contacts.site, plan.sites.constant, phi, load)
     friction = phi[plan.sites.first_entry].copy()
     for s in np.flatnonzero(plan.sites.entry_count == 3):
         first = plan.sites.first_entry[s]
         friction[s] = -np.linalg.norm(phi[first : first + 3])
     return Solution(
-        effort=maps.effort[0, :na] @ one,
+        effort=samples.effort[0, :na] @ one,
         friction=friction,
         friction_coordinates=phi.copy(),
         normal_load=load,

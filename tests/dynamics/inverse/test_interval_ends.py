@@ -157,8 +157,8 @@ def test_a_sticking_balls_ends_are_those_of_its_sphere():
     result = Case(case.scene, case.q[:1], 0 * case.v[:1], 0 * case.a[:1]).inverse()
     assert result.sticking.all()
     assert not result.interval_exact[0]
-    plan, samples, _ = one_sample(result, 0)
-    effort, contact = samples.maps.effort[0], samples.maps.contact[0]
+    plan, samples = one_sample(result, 0)
+    effort, contact = samples.effort[0], samples.contact[0]
     directions = np.random.default_rng(0).normal(size=(20_000, 3))
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
     low, high = np.full(2, np.inf), np.full(2, -np.inf)
@@ -188,8 +188,8 @@ def test_ends_at_rest_are_the_extremes_of_every_corner():
     result = case.inverse()
     assert result.interval_exact.all()
     for i in range(len(case.q)):
-        plan, samples, _ = one_sample(result, i)
-        effort, contact = samples.maps.effort[0, 0], samples.maps.contact[0]
+        plan, samples = one_sample(result, i)
+        effort, contact = samples.effort[0, 0], samples.contact[0]
         corners = []
         for corner in np.ndindex(2, 2, 2, 2):
             sign, phi = np.array(corner) * 2.0 - 1, np.zeros(4)

@@ -511,9 +511,9 @@ def test_iterations_of_fixed_point_and_newton_up_to_the_jam(capsys):
     rows = []
     for mu in (0.05, 0.1, 0.2, 0.3, 0.4, 0.45, 0.49, 0.499, 0.4999):
         result = jamming_drawer(mu, 1.0).inverse()
-        plan, samples, velocity = one_sample(result, 0)
-        law = friction_laws(plan, samples.maps, velocity, result.reversal)
-        reduced = choice_of_sample(plan, samples.maps, law, law.code[0])[2]
+        plan, samples = one_sample(result, 0)
+        law = friction_laws(plan, samples)
+        reduced = choice_of_sample(plan, samples, law, law.code[0])[2]
         z, w = np.zeros(1), np.zeros(1)
         slow = fixed_point(reduced, z, 1e-13)
         error, fast = newton(reduced, w, True)
