@@ -12,7 +12,7 @@ from mechanisms import pin_friction
 from numpy.testing import assert_allclose
 
 import pinfric as pf
-from pinfric.dynamics.inverse import interval_ends, linkage_batch
+from pinfric.dynamics.inverse import effort_maps, interval_ends
 from pinfric.dynamics.inverse import tree as inverse_tree
 from pinfric.dynamics.samples import motor_torques
 from pinfric.errors import SceneError
@@ -139,7 +139,7 @@ def count_calls(monkeypatch, solve):
     for name in ("reactions", "_plain"):
         counted(inverse_tree, name)
     for name in ("transmitted", "map_friction"):
-        counted(linkage_batch, name)
+        counted(effort_maps, name)
     counted(motor_torques, "write_motor_torques")
     counted(interval_ends, "solve_samples")
     solve()

@@ -12,9 +12,13 @@ import warnings
 
 import numpy as np
 
-from pinfric.dynamics.inverse.effort_maps import write_site_wrenches
+from pinfric.dynamics.inverse.effort_maps import (
+    link_samples,
+    loop_wrenches,
+    site_speeds,
+    write_site_wrenches,
+)
 from pinfric.dynamics.inverse.interval_ends import MOST_PASSES, Ends, find_ends
-from pinfric.dynamics.inverse.linkage_batch import link_samples, loop_wrenches, site_speeds
 from pinfric.dynamics.inverse.result import InverseResult
 from pinfric.dynamics.inverse.undriven import check_undriven
 from pinfric.dynamics.problem.plan import kept_plan

@@ -8,9 +8,13 @@ from functools import partial
 import numpy as np
 
 from pinfric.dynamics.inverse.choices import LOWER, friction_laws
-from pinfric.dynamics.inverse.effort_maps import LinkedSamples, write_site_wrenches
+from pinfric.dynamics.inverse.effort_maps import (
+    LinkedSamples,
+    link_samples,
+    loop_wrenches,
+    write_site_wrenches,
+)
 from pinfric.dynamics.inverse.interval_ends import Ends, choice_of_sample, find_ends
-from pinfric.dynamics.inverse.linkage_batch import link_samples, loop_wrenches
 from pinfric.dynamics.problem.plan import Plan, drive_delivery, kept_plan
 from pinfric.dynamics.samples.outcome import Solution, SolvedMotion
 from pinfric.friction.dense import spectral_radius_bound
