@@ -2,9 +2,9 @@
 
     RNEA(q, v, a, wrenches) = S^T u + D^T phi
 
-The wrenches are multipliers, and efforts and friction off the joints of the tree. Where friction
-changes loads, the states of friction at the ends of the efforts are solved again, sample by sample,
-and put into this equation and into the friction laws.
+The wrenches are multipliers, and efforts and friction off the joints of the tree. With loops,
+cylinders or forces, the states of friction at the ends of the efforts are solved again, sample by
+sample, for this equation and the friction laws.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ class Check:
         power: of drives, friction and external wrenches, less the rate of the robot's energy.
         rates: of what the drives move, and their derivatives.
         wrong: samples whose status, `sticking`, `contraction` or `interval_searched` is false, or
-            that have numbers where there is no solution, or none where there is one.
+            whose numbers are not there exactly where there is a solution.
     """
 
     equilibrium: Residual
@@ -97,7 +97,7 @@ class Check:
 def _actions(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
     """Return what unit efforts of the drives, then unit frictions do.
 
-    (nx, nv) on the joints of the tree, (nx, np, 6) as wrenches of side a on b in frame b.
+    (nx, nv) on the joints of the tree, (nx, np, 6) as wrenches of a on b in frame b.
     """
     linkage, na, nv = scene.linkage, len(scene.drives), scene.model.nv
     units = [(s, unit) for s in scene.sites for unit in (np.eye(3) if s.ball else s.axis[None])]
@@ -116,7 +116,7 @@ def _actions(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
 
 
 class _Sample:
-    """One sample in Pinocchio: `model` carries its payloads, `actions` as of `_actions`."""
+    """One sample in Pinocchio: `model` carries its payloads, `actions` are of `_actions`."""
 
     def __init__(
         self, result: SolvedMotion, i: int, model: pin.Model, actions: tuple[np.ndarray, ...]
@@ -158,7 +158,7 @@ class _Sample:
         return np.split(x, np.cumsum(counts))[1:-1]
 
     def left(self, x: np.ndarray, multipliers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return what efforts and frictions (nx,) leave (nv,), and all wrenches (nj + np, 6)."""
+        """Return the residual (nv,) of efforts and frictions (nx,), and wrenches (nj + np, 6)."""
         forces, place = pin.StdVec_Force(), self.data.oMi
         forces.extend([pin.Force.Zero() for _ in range(self.model.njoints)])
         for applied in self.result.external:
@@ -176,7 +176,7 @@ class _Sample:
         return tau - x @ self.rows, np.array(wrenches).reshape(-1, 6)
 
     def laws(self, wrench: np.ndarray) -> tuple[np.ndarray, ...]:
-        """Return loads, least and greatest friction (1, ns) under all wrenches."""
+        """Return loads, least and greatest friction (1, ns) under these wrenches."""
         scene, ns = self.result.scene, len(self.speed)
         tables, twin = scene.site_tables, scene.twin()
         (load, low, high), sticks = np.empty((3, 1, ns)), np.empty((1, ns), dtype=bool)
@@ -188,7 +188,7 @@ class _Sample:
         return load, low, high
 
     def beyond(self, friction: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
-        """Return how far friction (nx,) is from the law (ns,): a sticking ball's in a sphere."""
+        """Return how far friction (nx,) is from the law (ns,); a sticking ball's is in a sphere."""
         out = np.empty(len(low))
         for s, phi in enumerate(self.of_sites(friction)):
             way, ends = np.ones(1), (low[s], high[s])
@@ -201,7 +201,7 @@ class _Sample:
 
 
 class _Largest:
-    """The largest residual of each kind so far, and the largest of its terms."""
+    """The largest residual of each kind, and the largest of its terms."""
 
     def __init__(self) -> None:
         kinds = ("equilibrium", "laws", "closure", "power", "rates")
@@ -237,7 +237,7 @@ def check_result(result: SolvedMotion) -> Check:
 
 
 def _check_motion(result: SolvedMotion, largest: _Largest) -> None:
-    """Note gaps of loops, and errors of the drives' rates, relative to the motion."""
+    """Note gaps of loops and errors of the drives' rates, relative to the motion."""
     scene, v, a, linkage = result.scene, result.states.v, result.states.a, result.scene.linkage
     rate, slope = v[:, :0], v[:, :0]
     if linkage is not None:

@@ -24,15 +24,14 @@ class Choices(NamedTuple):
     """The friction of each site for each code, x = -way (mu load + coulomb).
 
     Attributes:
-        options: (n, ns) number of frictions a site may have: 1 where it slides or has no dry
-            friction, 2 where it sticks, 3 beside a reversal; there 2 for a ball whose friction at
-            rest may be the one that it slides with.
-        code: (n, ns) what it is in the state that wrenches are given for.
-        direction: (n, ne) along which its friction acts: 1, or a ball's unit vector.
-        way: (4, n, ns) sign of its velocity, 1 for a ball; 1 and -1 at the limits, else 0.
-        mu, coulomb: (4, n, ns), with drag: what is viscous while it slides, at the limits that of
-            creeping (`laws`).
-        constant: (n, ns) part of its load that is constant: all of it where it cannot vary.
+        options: (n, ns) number of frictions: 1 where a site slides or has no dry friction, 2 where
+            it sticks, 3 beside a reversal; there 2 for a ball whose sliding friction is within its
+            static limit.
+        code: (n, ns) of the state that wrenches are given for.
+        direction: (n, ne) along which friction acts: 1, or a ball's unit vector.
+        way: (4, n, ns) sign of the velocity, 1 for a ball; 1 and -1 at the limits, else 0.
+        mu, coulomb: (4, n, ns) with drag, at the limits that of creeping (`laws`).
+        constant: (n, ns) constant part of the load: all of it where it cannot vary.
     """
 
     options: np.ndarray = array("n ns", np.int64, 1)
@@ -45,11 +44,7 @@ class Choices(NamedTuple):
 
 
 def friction_laws(plan: Plan, samples: LinkedSamples) -> Choices:
-    """Return the possible frictions of each site (`laws`; paper eq. 20, 21).
-
-    Args:
-        plan, samples: see `effort_maps`.
-    """
+    """Return the possible frictions of each site (`laws`; paper eq. 20, 21)."""
     velocity, at_rest = samples.velocity, samples.reversal
     n, ns = at_rest.shape
     law: Choices = make(Choices, n=n, ns=ns, ne=len(plan.entries.velocity_index))
@@ -70,7 +65,7 @@ def _write_choices(
     at_rest: np.ndarray,
     law: Choices,
 ) -> None:
-    """Write the possible frictions of each site, without the loads; see `friction_laws`."""
+    """Write `friction_laws` without the loads."""
     for i in range(at_rest.shape[0]):
         for s in range(at_rest.shape[1]):
             first = first_entry[s]
@@ -101,7 +96,7 @@ def _write_choices(
 
 @kernel
 def _is_within(law: Choices, i: int, s: int) -> bool:
-    """Whether a ball that slides has friction that it may have at rest, too, whatever the load."""
+    """Whether a ball's sliding friction is within its static limit, whatever the load."""
     return law.mu[SLIDES, i, s] <= law.mu[UPPER, i, s] and (
         law.coulomb[SLIDES, i, s] <= law.coulomb[UPPER, i, s]
     )

@@ -2,11 +2,10 @@
 
     M a + h = S u + J_c^T lambda + D phi,     y = [u off the joints; lambda],     A y = b - B phi
 
-(paper eq. 7, 16, 17). Drives on joints of the tree balance only their own row, so A has the other
-rows. Full pivoting, the paper's choice, finds its rank. A rank below the number of rows means a
-toggle, where drives cannot balance the load. A rank below the number of columns means redundant
-drives, which share the work so that the sum of u^2 / share is least, and redundant closures
-(`wrenches.share_load`).
+(paper eq. 7, 16, 17). Drives on joints of the tree balance their own row, so A has the other rows.
+Full pivoting, the paper's choice, finds its rank. A rank below the number of rows means a toggle,
+where drives cannot balance the load; below the number of columns, redundant drives, which share the
+work so that the sum of u^2 / share is least, and redundant closures (`wrenches.share_load`).
 """
 
 from __future__ import annotations
@@ -46,11 +45,11 @@ class LinkedSamples(NamedTuple):
     """A batch of samples of a linkage as functions of the friction: [:, ..., 0] + [:, ..., 1:] phi.
 
     Attributes:
-        wrench: (n, nj, 6), of the tree's joints without multipliers, drives off the joints and
-            friction: RNEA of the twin.
+        wrench: (n, nj, 6), RNEA of the twin: of the tree's joints without multipliers, drives off
+            the joints and friction.
         X: (n, nj + pairs, 6, nx), `kinematics.act_on_joints`.
         velocity: (n, ne) along each friction coordinate (rad/s or m/s).
-        reversal: (n, ns) bool, whether a site passes through rest next to a sample.
+        reversal: (n, ns) bool, see `site_reversals`.
         effort: (n, na, 1 + ne), of the drives (N m or N).
         y: (n, ny, 1 + ne), off-joint efforts, then multipliers.
         contact: (n, nt, 1 + ne, 3), weighted contact forces of the bearings (N m or N).
@@ -178,11 +177,11 @@ def loop_wrenches(linkage: Linkage, X: np.ndarray, solved: np.ndarray) -> np.nda
 def map_friction(
     plan: Plan, samples: LinkedSamples, total_effort: np.ndarray, J: np.ndarray, q: np.ndarray
 ) -> None:
-    """Write efforts, multipliers and contact forces of a batch as affine functions of friction.
+    """Write `effort`, `y`, `contact` and `singular` of samples.
 
     Args:
         plan: of inverse dynamics.
-        samples: whose `effort`, `y`, `contact` and `singular` are overwritten.
+        samples: the others of their fields are known.
         total_effort: (n, nv), M a + h.
         J: (n, nx, nv), `kinematics.act_on_joints`.
         q: (n, nq).
@@ -209,14 +208,10 @@ def map_friction(
 def _balance(
     plan: Plan, total_effort: np.ndarray, J: np.ndarray, y: np.ndarray, free: np.ndarray
 ) -> int:
-    """Write y (ny, 1 + ne) of one sample, and the vectors that may be added to it.
-
-    Args:
-        plan ... y: see `map_friction`.
-        free: (ny, ny), overwritten.
+    """Write y (ny, 1 + ne) of one sample, and to free (ny, ny) the columns that may be added to it.
 
     Returns:
-        The number of columns of `free`; -1: the drives cannot balance the load.
+        The number of these columns; -1: the drives cannot balance the load.
     """
     t, entries, (ny, columns) = plan.closure, plan.entries, y.shape
     nr = t.balanced.size
@@ -256,7 +251,7 @@ def share_work(
         t, entries: of the plan.
         total_effort, J: see `map_friction`.
         free: (ny, nf) what may be added to y (ny, 1 + ne).
-        left: (ny, nf - shifts), overwritten: what may still be added, which moves no drive.
+        left: (ny, nf - shifts), overwritten: what may still be added, which changes no effort.
 
     Returns:
         False where the least is not unique.
@@ -309,7 +304,7 @@ def _write_efforts(
 def _write_known_wrench(
     entries: Entries, j: int, wrench: np.ndarray, X: np.ndarray, out: np.ndarray
 ) -> None:
-    """Write the wrench at joint j as (6, 1 + ne), [:, 0] + [:, 1:] phi, but for what y does."""
+    """Write the wrench at joint j (6, 1 + ne), [:, 0] + [:, 1:] phi, without the part of y."""
     for e in range(6):
         for k in range(out.shape[1]):
             out[e, k] = 0.0
@@ -326,13 +321,13 @@ def write_site_wrenches(
     site_wrench: np.ndarray,
     solved: np.ndarray,
 ) -> None:
-    """Write the wrench at each site and the solved unknowns under given friction.
+    """Write the wrench at each site, and y, under friction phi (n, ne).
 
     Args:
         plan, samples: see `map_friction`.
-        phi: (n, ne) friction.
+        phi: (n, ne).
         site_wrench: (n, ns, 6), overwritten, parent on child or a on b.
-        solved: (n, ny), overwritten: off-joint efforts, then multipliers.
+        solved: (n, ny), overwritten.
     """
     wrench, X, y, joint = samples.wrench, samples.X, samples.y, plan.sites.joint
     maps = np.empty((6, y.shape[2]))

@@ -1,16 +1,15 @@
 """Friction, efforts and their ends where reactions depend on friction.
 
-Everything except the friction law is affine in friction (`effort_maps.LinkedSamples`), so each sample is a
-small coupled problem (`given_modes`). Sites whose friction depends on each other are an *island*;
-an effort is the sum of what its islands contribute. Sites that stick, or reverse next to a sample,
-have several possible frictions; the ends of efforts are where each is at one of its limits. A site
-whose friction changes no load is *last*: its limit follows from its load and the end wanted. Up to
+Everything except the friction law is affine in friction (`effort_maps.LinkedSamples`), so a sample
+is a small coupled problem (`given_modes`). Sites whose friction depends on each other are an
+*island*; an effort is the sum over islands. Sites that stick, or reverse next to a sample, have
+several possible frictions; at the ends of efforts each is at one of its limits. A site whose
+friction changes no load is *last*: its limit follows from its load and the end wanted. Up to
 `ENUMERATED` choices of the others are all solved, each from the one before, which differs at one
-site. Beyond that, branch and bound finds the ends (`sign_bounds`). Where it cannot, or a choice may
-have several solutions, one site at a time is switched to its other limit while the effort still
-grows: the sample is `searched`. The limit of a ball is a sphere: its friction is turned until it
-points in the direction in which the effort grows fastest. The search of a sample ends if it jams;
-if its choices took `MOST_PASSES` in total, it is `NOT_CONVERGED`.
+site; beyond that, branch and bound finds the ends (`sign_bounds`). Where it cannot, or a choice may
+have several solutions, single sites are switched to their other limit while the effort grows: the
+sample is `searched`. The limit of a ball is a sphere: its friction is turned to where the effort
+grows fastest. The search ends where a sample jams, and after `MOST_PASSES` (`NOT_CONVERGED`).
 """
 
 from __future__ import annotations
@@ -39,8 +38,7 @@ from pinfric.friction.several import from_many_starts
 from pinfric.kernels.arrays import array, make
 from pinfric.kernels.compiled import KernelArgument, inlined_kernel, kernel, record
 
-#: Choices of one sample that are all looked at: 2^12, with a ball 2^8. Its nodes of branch and
-#: bound, those of all ends together.
+#: Choices of one sample that are all solved: 2^12, with a ball 2^8; nodes of branch and bound.
 ENUMERATED, ENUMERATED_BALLS, NODES = 4096, 256, 4096
 #: Passes of Newton's method for one sample, all its choices together: about a second. The last
 #: choice begins below it, and its search from many starts may take as many again.
@@ -63,7 +61,7 @@ class Ends(NamedTuple):
 
     Attributes:
         lower, upper: (n, na) efforts.
-        phi: (n, ne) friction while what sticks has none: the state that wrenches are given for.
+        phi: (n, ne) friction, none where stuck: the state that wrenches are given for.
         load: (n, ns) in that state.
         friction_lower, friction_upper: (n, ns) over all choices.
         status: (n,) int8. iterations: (n,) int32. contraction: (n,), the largest.
@@ -88,9 +86,9 @@ class Island(NamedTuple):
     """Sites whose friction depends on each other, and on no other site's.
 
     Attributes:
-        site, entry, row: (ns,), (ne,), (nt,) numbers in the plan: of the sites, of their entries,
-            of those of their contact forces that friction changes.
-        of: (ne,) place of each entry's site here. owner: (nt,) of each contact force's.
+        site, entry, row: (ns,), (ne,), (nt,) numbers in the plan: of sites, their entries, their
+            contact forces that friction changes.
+        of, owner: (ne,), (nt,) place here of each entry's, each contact force's site.
         ball, last: (ns,) bool; whether a site's friction changes no load.
     """
 
@@ -108,14 +106,14 @@ class Choice(NamedTuple):
 
     Attributes:
         contact, effort: (nt, 1 + ne, 3), (na, ne) of the sample.
-        along: (nt, 1 + ns, 3) `contact` as a function of the friction along each direction.
+        along: (nt, 1 + ns, 3) `contact` by the friction along each direction.
         options, code, constant: (ns,) see `Choices`.
         last: (ns,) bool, see `Island`; while ends are searched none is.
         direction: (ne,) along which friction acts.
         way, mu, coulomb: (ns,), (ns,), (ns, 2) of the choice; way 0 where a site is last.
         x: (MOST_SOLUTIONS, ns) friction of each site along its direction, of each solution.
         load, phi: (ns,), (ne,) in one of them.
-        limit, limit_code: (2, ns) least and greatest friction of what is last there, its codes.
+        limit, limit_code: (2, ns) least and greatest friction of what is last, their codes.
         ends: (na, 2) least and greatest contribution to each effort.
         figures: (2,) contraction, of all choices in these directions; passes.
         slope, step: (ns, ns), (ns, 1), of Newton's method.
@@ -181,11 +179,7 @@ def find_ends(plan: Plan, samples: LinkedSamples) -> Ends:
 
 
 def islands(plan: Plan, contact: np.ndarray) -> Iterator[Island]:
-    """Yield the islands of a batch; small ones are taken together, which saves time.
-
-    Args:
-        plan: of inverse dynamics. contact: (n, nt, 1 + ne, 3) of its samples.
-    """
+    """Yield the islands of a batch with `contact`; small ones together, which saves time."""
     sites, contacts, entries = plan.sites, plan.contacts, plan.entries
     linked = np.zeros((len(sites.joint),) * 2, dtype=bool)
     moved = (np.abs(contact[:, :, 1:]) > 0.0).any(axis=(0, 3))  # nothing singular is
@@ -230,7 +224,7 @@ def choice_of_sample(
     """Solve one choice (all sites,) of the only sample, without islands.
 
     Returns:
-        The search with this choice, the number of its solutions, its problem as it is solved.
+        The search, the number of solutions, the problem as it is solved.
     """
     ns, (_, na, columns) = len(code), samples.effort.shape
     island = island_of(plan, np.arange(ns), np.zeros(ns, dtype=bool))
@@ -246,7 +240,7 @@ def choice_of_sample(
 
 @inlined_kernel
 def _code(is_ball: bool, options: int, n: int) -> int:
-    """Return the n-th code among which an end chooses; a ball's limit is one, turned any way."""
+    """Return the n-th possible code; a ball's limit is one, in any direction."""
     return SLIDES if options == 1 or (is_ball and n > 0) else UPPER if is_ball else (n + 1) % NONE
 
 
@@ -295,7 +289,7 @@ def solve_samples(search: Search) -> None:
 
 @kernel
 def begin(search: Search, i: int) -> None:
-    """Take over one sample, with the friction that wrenches are given for."""
+    """Copy one sample, with the friction that wrenches are given for, into the choice."""
     samples, law, island, choice = search.samples, search.law, search.island, search.choice
     site, entry, row, constant = island.site, island.entry, island.row, choice.constant
     for s in range(site.size):
@@ -319,10 +313,7 @@ def begin(search: Search, i: int) -> None:
 
 @kernel
 def _direct(search: Search, i: int) -> None:
-    """Write the contact forces as functions of the friction along the directions.
-
-    And the contraction of all choices, see `given_modes.contraction_matrix`.
-    """
+    """Write `along`, and the contraction of all choices (`given_modes.contraction_matrix`)."""
     law, island, choice, of = search.law, search.island, search.choice, search.island.of
     contact, source, direction = choice.along, choice.contact, choice.direction
     A, owner, ns = choice.slope, island.owner, choice.code.size
@@ -344,7 +335,7 @@ def _direct(search: Search, i: int) -> None:
 
 @kernel
 def solve_choice(search: Search, i: int) -> int:
-    """Solve a choice, from the last solution on; return the number of solutions, -1: undecided."""
+    """Solve a choice from the last solution; return the number of solutions, -1: undecided."""
     law, choice, site, answer = search.law, search.choice, search.island.site, search.answer
     code, last, way, mu, coulomb = choice.code, choice.last, choice.way, choice.mu, choice.coulomb
     x, figures, coupled, found = choice.x, choice.figures, False, 1
@@ -374,7 +365,7 @@ def solve_choice(search: Search, i: int) -> int:
 
 @kernel
 def problem_of(search: Search) -> Problem:
-    """Return a choice as `given_modes` solves it; sites are its coordinates."""
+    """Return a choice for `given_modes`; sites are coordinates."""
     choice, ns = search.choice, search.choice.code.size
     none, dry = np.zeros(ns), choice.coulomb
     return Problem(
@@ -399,7 +390,7 @@ def problem_of(search: Search) -> Problem:
 
 @kernel
 def _descend(search: Search) -> bool:
-    """Solve a choice by Newton's method alone, where it is known to contract; False: it is not."""
+    """Solve a choice by Newton's method alone, if it contracts; else False."""
     choice, owner, x, load = (
         search.choice,
         search.island.owner,
@@ -441,7 +432,7 @@ def _descend(search: Search) -> bool:
 
 @kernel
 def _complete(search: Search, i: int, solution: int) -> None:
-    """Write the loads and the friction of one solution, with limits of what is last."""
+    """Write loads and friction of one solution, with the limits of what is last."""
     law, island, choice = search.law, search.island, search.choice
     x, load, code, phi = choice.x[solution], choice.load, choice.code, choice.phi
     limit, limit_code, last, of = choice.limit, choice.limit_code, choice.last, island.of
@@ -467,7 +458,7 @@ def _complete(search: Search, i: int, solution: int) -> None:
 
 @inlined_kernel
 def _has_failed(search: Search, i: int) -> bool:
-    """Return whether a sample has no ends, or came to its bound."""
+    """Return whether a sample has no ends, or took too many passes."""
     answer, status = search.answer, search.answer.status
     if answer.iterations[i] > search.choice.most[3] and status[i] != Status.JAMMED:
         status[i] = Status.NOT_CONVERGED
@@ -485,12 +476,10 @@ def _note(search: Search, i: int, found: int) -> None:
 
 @kernel
 def _evaluate(search: Search, i: int, drive: int, side: int) -> float:
-    """Solve a choice and let its solutions widen the ends.
+    """Solve a choice of sample i and let its solutions widen the ends.
 
     Args:
-        search: its choice.
-        i: the sample.
-        drive, side: balls at their limit are turned towards this end (0 lower); -1: there are none.
+        drive, side: the end (0 lower) towards which balls at their limit are turned; -1: none are.
 
     Returns:
         The contribution to that end, of the lower one with the sign changed.
@@ -520,7 +509,7 @@ def _evaluate(search: Search, i: int, drive: int, side: int) -> float:
 
 @kernel
 def _widen(search: Search, i: int, solution: int, drive: int, side: int) -> float:
-    """Let a solution widen the ends; return its contribution to one of them, see `_evaluate`."""
+    """Let a solution widen the ends; return its contribution as `_evaluate` does."""
     island, choice, answer, best = search.island, search.choice, search.answer, -np.inf
     effort, phi, ends, limit, of = choice.effort, choice.phi, choice.ends, choice.limit, island.of
     last, x = choice.last, choice.x[solution]
@@ -550,7 +539,7 @@ def _widen(search: Search, i: int, solution: int, drive: int, side: int) -> floa
 
 @kernel
 def _turn(search: Search, i: int, drive: int, side: int) -> bool:
-    """Turn the friction of balls at their limit to where it moves an effort most; did it move?
+    """Turn the friction of balls at their limit to where it changes an effort most; did it turn?
 
     With x = gain load(phi) and phi = D x, a small change delta of phi changes the effort by
     g delta, g = U + U D (I - L D)^-1 L: at the extreme every ball's friction points along g.
@@ -594,10 +583,7 @@ def _turn(search: Search, i: int, drive: int, side: int) -> bool:
 
 @kernel
 def _enumerate(search: Search, i: int) -> bool:
-    """Solve all combinations of limits; False: they are too many.
-
-    Fewer are too many, too, if each may have several solutions.
-    """
+    """Solve all combinations of limits; False: too many, or many with possibly several solutions."""
     island, choice, most = search.island, search.choice, search.choice.most
     (na, ns), balls, corners = (choice.effort.shape[0], choice.code.size), False, 1.0
     count, place, step = np.ones(ns, np.int64), np.zeros(ns, np.int64), np.ones(ns, np.int64)
@@ -631,10 +617,10 @@ def _enumerate(search: Search, i: int) -> bool:
 
 @kernel
 def _branch(search: Search, i: int) -> bool:
-    """Find the ends by branch and bound on signs; False: it gives up.
+    """Find the ends by branch and bound; False: it gives up.
 
-    A node has some sites at a limit and the others anywhere between. Its guess has these at the
-    limits that `bound_slopes` suggests; it is split at the site whose other limit may gain most.
+    A node has some sites at a limit and the others anywhere between, in its guess at the limits
+    that `bound_slopes` suggests; it is split at the site whose other limit may gain most.
     """
     choice, of, ball, solved = search.choice, search.island.of, search.island.ball, 0
     (na, ne), ns, options = choice.effort.shape, choice.code.size, choice.options
@@ -708,7 +694,7 @@ def _guess(search: Search, i: int, node: np.ndarray, U: np.ndarray) -> tuple[boo
 
 @kernel
 def _flip(search: Search, i: int, drive: int, side: int) -> None:
-    """Search an end by changing one site's friction at a time, while that helps."""
+    """Search an end by switching one site at a time, while that helps."""
     island, choice, sign = search.island, search.choice, 2.0 * side - 1.0
     ball, options, code = island.ball, choice.options, choice.code
     for e in range(island.of.size):  # from where it is if no load depends on friction

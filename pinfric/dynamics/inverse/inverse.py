@@ -1,10 +1,4 @@
-"""Inverse dynamics with friction: the efforts of a motion, as intervals where joints stick.
-
-    M a + h - J_ext^T f_ext = S u + J_c^T lambda + D phi,     phi_k opposes v_k   (paper eq. 16, 17)
-
-Open chains with drives on their joints are solved by `solve_tree`; with loops, cylinders or forces,
-where reactions depend on friction, by `solve_linkage`.
-"""
+"""Inverse dynamics with friction: the efforts of a motion, as intervals where joints stick."""
 
 from __future__ import annotations
 
@@ -71,22 +65,20 @@ def inverse_dynamics(
 ) -> InverseResult | Iterator[InverseResult]:
     """Return the drives' efforts along a motion, with friction: intervals where joints stick.
 
-    u = M a + h - J_ext^T f_ext - D phi (paper eq. 16, 17; at rest eq. 21, 22). With times, a joint
-    that reverses between two samples passes through rest: the sample nearest to the reversal
-    also carries the interval of standstill. Without times the samples are independent states in no
-    order, and no reversals are searched.
+    M a + h - J_ext^T f_ext = S u + J_c^T lambda + D phi (paper eq. 16, 17; at rest eq. 21, 22).
+    With times, a joint that reverses between two samples passes through rest: the sample nearest to
+    the reversal has the interval of standstill. Without times the samples are states without order.
 
     Args:
         scene: the robot with its friction and drives.
         q, v, a: (T, nq), (T, nv), (T, nv) in rad, m and per second; or, in place of q alone, a
             motion that has t, q, v, a (and `attached`).
         external: frame name -> (T, 6) or (6,) wrench on it, in its axes at its origin (N, N m).
-        t: (T,) times in s, which make the samples one motion: for reversals, stick intervals and
-            time-weighted figures. None: states without order.
+        t: (T,) times in s, for reversals, stick intervals and time-weighted figures.
         attached: (T, np) which payloads are carried; columns as `scene.payloads`.
         threads: of Pinocchio; None chooses by the number of samples (one in a forked process).
-        chunks: return an iterator of results of this many samples each; a time at rest that
-            continues into the next is a stick interval in both.
+        chunks: return an iterator of results of this many samples each; a stick interval that
+            continues into the next is in both.
 
     Raises:
         StateError: not real numbers, a wrong shape, a value not finite, times not increasing.
@@ -117,7 +109,7 @@ def inverse_dynamics(
 
 
 def _states(scene: Scene, q: Any, v: Any, a: Any, t: Any, attached: Any) -> States:
-    """The samples that `inverse_dynamics` is given: arrays, or one motion."""
+    """The samples given to `inverse_dynamics`: arrays, or one motion."""
     expect_scene(scene, "inverse_dynamics")
     if isinstance(q, str | os.PathLike) and v is None and a is None:
         name = str(q)

@@ -2,8 +2,8 @@
 
     M a + h - J_ext^T f_ext = S u + J_c^T lambda + D phi,     phi_k = -sign(v_k) mu_k c_k(w)
 
-(paper eq. 16, 17 solved together). One RNEA batch on the twin gives the wrenches without
-multipliers; `effort_maps` makes everything affine in phi; `interval_ends` finds phi.
+(paper eq. 16, 17 solved together). `effort_maps` makes everything affine in phi; `interval_ends`
+finds phi.
 """
 
 from __future__ import annotations
@@ -39,9 +39,9 @@ from pinfric.model.scene import Scene
 def solve_linkage(
     scene: Scene, states: States, applied: list[AppliedWrench], whole: slice, threads: int | None
 ) -> InverseResult:
-    """Solve the samples of one slice; the samples beside it are used for reversals only.
+    """Solve the samples of one slice; those beside it are for reversals only.
 
-    Args, raises: see `inverse.inverse_dynamics`; besides, `closure.check_pairs`.
+    Args, raises: see `inverse.inverse_dynamics`.
     """
     argument = kept_plan(scene, "inverse")
     around, inner = states.around(whole), states.inside(whole)
@@ -105,11 +105,7 @@ def solve_linkage(
 
 
 def _warn(scene: Scene, answer: Ends, first: int) -> None:
-    """Warn of the samples without ends, and of those whose ends come from a search.
-
-    Args:
-        first: number of the first of these samples.
-    """
+    """Warn of samples without ends, or with those of a search; `first`: number of the first."""
     over = (answer.status == Status.NOT_CONVERGED) & (answer.iterations > MOST_PASSES)
     contraction = answer.contraction[over].max(initial=0.0)
     for samples, what in (

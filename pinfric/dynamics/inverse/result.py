@@ -1,4 +1,4 @@
-"""The result of inverse dynamics: named arrays, and methods that check and present them."""
+"""The result of inverse dynamics."""
 
 from __future__ import annotations
 
@@ -78,8 +78,8 @@ class InverseResult(SolvedMotion, Shown):  # noqa: D101 (that of its fields)
     def critical_mu(self) -> np.ndarray:
         """(T,) common factor on all coefficients at which `contraction` reaches 1, or inf.
 
-        Below it the solution exists and is the only one. It is exact for a single guide that jams;
-        for several bearings it is a lower bound (by 14 to 29 % on a four-bar).
+        Below it the solution exists and is the only one. Exact for a single guide that jams; a
+        lower bound for several bearings (by 14 to 29 % on a four-bar).
         """
         with np.errstate(divide="ignore"):
             return np.asarray(1.0 / self.contraction)
@@ -87,8 +87,8 @@ class InverseResult(SolvedMotion, Shown):  # noqa: D101 (that of its fields)
     def solutions(self, sample: int) -> tuple[Solution, ...]:
         """Return the states of friction that obey the laws at one sample.
 
-        If all joints slide, these are all states that a wide search finds, none if it jams. If a
-        joint sticks or reverses, these are the states at the ends of the efforts.
+        If all joints slide, all that a wide search finds, none if it jams; if a joint sticks or
+        reverses, those at the ends of the efforts.
 
         Raises:
             StateError: there is no such sample.
@@ -99,8 +99,8 @@ class InverseResult(SolvedMotion, Shown):  # noqa: D101 (that of its fields)
     def jamming_site(self, sample: int) -> str | None:
         """Return the joint whose load grows most with friction: the cause of a jam.
 
-        It has the largest part of the eigenvector of `contraction`. None if no load depends on
-        friction, and at a `SINGULAR` sample.
+        It is largest in the eigenvector of `contraction`. None if no load depends on friction, and
+        at a `SINGULAR` sample.
 
         Raises:
             StateError: there is no such sample.
@@ -119,7 +119,7 @@ class InverseResult(SolvedMotion, Shown):  # noqa: D101 (that of its fields)
 
     @property
     def times(self) -> np.ndarray:
-        """(T,) times in s, of a result that is known to have them."""
+        """`t` of a result that has it."""
         return self.states.times
 
     @property
@@ -162,10 +162,10 @@ class InverseResult(SolvedMotion, Shown):  # noqa: D101 (that of its fields)
         )
 
     def check(self) -> Check:
-        """Recompute the residuals of equilibrium, friction laws, loops and power.
+        """Recompute the residuals of equilibrium, friction laws, loops and power; see `Check`.
 
-        By Pinocchio's plain RNEA with friction and multipliers as external wrenches, one sample at
-        a time; see `Check`. Of motors' torques behind gears only where they are known is judged.
+        By Pinocchio's plain RNEA with friction and multipliers as external wrenches, sample by
+        sample. Motor torques behind gears are judged only for where they are NaN.
         """
         return check_result(self)
 
@@ -173,8 +173,8 @@ class InverseResult(SolvedMotion, Shown):  # noqa: D101 (that of its fields)
         """Return all columns with names: `t`, the motion, then the results.
 
         The motion is `<joint>.q` (one number: an angle or a length), `.v`, `.a`, and
-        `payload.<name>` if the trajectory has it, so a CSV of these columns is a trajectory again.
-        Then come `<actuator>.<quantity>` and `<site>.<quantity>`.
+        `payload.<name>` if the trajectory has it: a CSV of it is a trajectory again. Then come
+        `<actuator>.<quantity>` and `<site>.<quantity>`.
         """
         import pandas as pd
 

@@ -1,8 +1,7 @@
 """Bounds of what the sign of each friction can change of an effort, for branch and bound.
 
-Friction that rests is x_s = a_s load_s(x) + b_s with (a_s, b_s) between its two limits; the other
-sites have one (a_s, b_s). Let 0 <= w_s <= 1 say where between the limits a site is. An effort
-u = U x then changes with
+Friction at rest is x_s = a_s load_s(x) + b_s with (a_s, b_s) at w_s from 0 to 1 between its two
+limits; other sites have one (a_s, b_s). An effort u = U x changes with
 
     du / dw_s = g_s ((a_high - a_low)_s load_s + (b_high - b_low)_s),    g = U (I - L)^-1,
     L_sj = a_s d load_s / d x_j
@@ -29,12 +28,7 @@ _MOST_GROWTH = 1e6
 
 
 class Limits(NamedTuple):
-    """Friction (ns,) of each site, x = a load + b, at its two limits; equal where it has one.
-
-    Attributes:
-        a_low, b_low: at the limit of the least friction.
-        a_high, b_high: at that of the greatest.
-    """
+    """Friction x = a load + b (ns,) at the limits of least and greatest friction; equal if one."""
 
     a_low: np.ndarray = array("ns")
     b_low: np.ndarray = array("ns")
@@ -63,7 +57,7 @@ def bound_slopes(
 
     Args:
         contact: (nt, 1 + ns, 3) contact forces as functions of the friction.
-        owner: (nt,) whose load each is part of. constant: (ns,) the rest of it.
+        owner: (nt,) site of each. constant: (ns,) part of the loads.
         limits: of all sites.
         U: (ns,) the effort's change with each friction.
         slopes: overwritten.

@@ -1,4 +1,4 @@
-"""All states of friction at one sample: several where it is ambiguous, none where it jams."""
+"""All states of friction at one sample: several where ambiguous, none where it jams."""
 
 from __future__ import annotations
 
@@ -107,8 +107,7 @@ def _solution(scene: Scene, samples: LinkedSamples, phi: np.ndarray) -> Solution
 
 
 def _of_open_chain(result: SolvedMotion, sample: int) -> Solution:
-    """The one solution where everything slides; where something sticks, the one in which it has
-    no friction."""
+    """The solution of a sample; what sticks has no friction."""
     friction = np.where(
         result.friction_lower[sample] == result.friction_upper[sample],
         result.friction_lower[sample],

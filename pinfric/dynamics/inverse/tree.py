@@ -2,9 +2,8 @@
 
     u = tau_id - D phi,     phi_k opposes v_k and depends on the wrench w_k       (paper eq. 16, 17)
 
-The reactions do not depend on how drive and friction share the torque about the axis, so no
-iteration is needed. At rest phi has any value between its static limits, and u is an interval
-(eq. 21, 22).
+Reactions do not depend on how drive and friction share the torque about the axis: there is no
+iteration. At rest phi is anywhere between its static limits, and u an interval (eq. 21, 22).
 """
 
 from __future__ import annotations
@@ -43,7 +42,7 @@ def _samples(
 ) -> tuple[TreeSamples, np.ndarray]:
     """Make the arrays of n samples, and of the wrenches at their sites.
 
-    They are parts of one large block: page faults of separate arrays cost more than the kernels.
+    In one block: page faults of separate arrays cost more than the kernels.
     """
     n, nv, ns = len(velocity), scene.model.nv, len(scene.sites)
     shapes = [(n, nv)] * 3 + [(n, ns)] * 3 + [(n, ns, 6 if reacting else 0)]
@@ -58,7 +57,7 @@ def _samples(
 def solve_tree(
     scene: Scene, states: States, applied: list[AppliedWrench], whole: slice, threads: int | None
 ) -> InverseResult:
-    """Solve the samples of one slice; the samples beside it are used for reversals only.
+    """Solve the samples of one slice; those beside it are for reversals only.
 
     Args, raises: see `inverse.inverse_dynamics`.
     """
@@ -128,7 +127,7 @@ def _site_velocities(
 
 
 def _needs_wrenches(scene: Scene, applied: list[AppliedWrench]) -> bool:
-    """Return whether anything in the scene depends on reactions; else they are not computed."""
+    """Return whether anything in the scene depends on reactions."""
     return bool(applied or scene.springs) or any(
         site.friction.bearing is not None for site in scene.sites
     )
@@ -148,9 +147,7 @@ def _react(
 
     Args:
         scene, states, applied: see `inverse.inverse_dynamics`.
-        twin: with the payloads of this batch.
-        part: the samples of this batch.
-        batch: buffers of at least as many samples.
+        twin, part: of this batch. batch: buffers of at least as many samples.
         at_sites: (n, ns, 6), overwritten.
         threads: of Pinocchio.
     """
@@ -173,14 +170,12 @@ def _bound(
     samples: TreeSamples,
     threads: int,
 ) -> None:
-    """Write efforts without friction, loads, friction and efforts of one batch; see `TreeSamples`.
+    """Write efforts without friction, loads, friction and efforts of one batch into `samples`.
 
     Args:
-        twin, a: with the payloads of this batch; (n, nv).
+        twin, a: of this batch, (n, nv).
         sites: `Scene.site_tables`.
-        wrench: (n, nj, 6) of all joints, or (n, ns, 0): nothing looks at them.
-        samples: overwritten.
-        threads: each takes a part of the samples.
+        wrench: (n, nj, 6) of all joints, or (n, ns, 0): nothing depends on them.
     """
     balance = twin.embedding, twin.armature, a
     if threads == 1:
@@ -195,7 +190,7 @@ def _bound(
 def _plain(
     twin: Twin, q: np.ndarray, v: np.ndarray, a: np.ndarray, threads: int, effort: np.ndarray
 ) -> None:
-    """Write the ordinary RNEA (n, nv), for scenes whose friction depends on no reaction."""
+    """Write Pinocchio's RNEA (n, nv), where nothing depends on reactions."""
     pin.rneaInParallel(threads, twin.plain_pool(threads), q.T, v.T, a.T, effort.T)
 
 
@@ -214,7 +209,7 @@ def _on_drives(
 
 
 def check_finite(scene: Scene, ends: tuple[np.ndarray, np.ndarray], first: int) -> None:
-    """Refuse a result that overflowed, so that no table contains NaN or infinity."""
+    """Refuse a result that overflowed."""
     efforts = ends[0] + ends[1]
     if not np.isfinite(efforts).all():
         sample, drive = np.argwhere(~np.isfinite(efforts))[0]

@@ -39,13 +39,12 @@ def check_undriven(
 
     Args:
         scene: with its undriven velocities.
-        states: of all samples.
-        whole: the T samples that were solved.
-        lower, upper: (T, number undriven) what the motion takes there, over all that friction
-            can do; NaN where there is no solution.
+        states: of all samples. whole: the T samples that were solved.
+        lower, upper: (T, number undriven) least and greatest effort there, over all frictions; NaN
+            where there is no solution.
 
     Raises:
-        UndrivenMotionError: 0 is not between them, by more than rounding.
+        UndrivenMotionError: 0 is not between them, beyond rounding.
     """
     undriven = list(scene.mobility.undriven)
     if not undriven or not len(lower):
@@ -71,7 +70,7 @@ def check_undriven(
 
 
 def negligible_efforts(scene: Scene) -> np.ndarray:
-    """Return the efforts (number undriven,) beside weights that count as zero (N m or N)."""
+    """Return the efforts (number undriven,) that count as zero beside weights (N m or N)."""
     return np.asarray(_OBEYS * _weights(scene)[list(scene.mobility.undriven)])
 
 
@@ -85,7 +84,7 @@ def _terms(scene: Scene, states: States) -> float:
 
 
 def _weights(scene: Scene) -> np.ndarray:
-    """(nv,) most that the weight of what a joint carries can take of it (N m or N), kept."""
+    """(nv,) greatest effort due to the weight that a joint carries (N m or N), kept."""
     pools, model = scene.twin().pools, scene.model
     if "weights" in pools:
         return np.asarray(pools["weights"])
@@ -101,7 +100,7 @@ def _weights(scene: Scene) -> np.ndarray:
 
 
 def narrow_friction(scene: Scene, effort: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> None:
-    """Narrow the friction (T, ns) of undriven joints of an open chain to values in equilibrium.
+    """Narrow friction of undriven joints of an open chain to equilibrium.
 
     sum of ratio phi over a joint's sites = effort: each has what the others leave.
 
