@@ -85,9 +85,9 @@ class Check:
 
     def __repr__(self) -> str:
         facts = {
-            name: f"{one.size:.1e}"
-            + f" at sample {one.sample}, {one.joint}" * (one.size > _ROUNDING)
-            for name, one in vars(self).items()
+            name: f"{residual.size:.1e}"
+            + f" at sample {residual.sample}, {residual.joint}" * (residual.size > _ROUNDING)
+            for name, residual in vars(self).items()
             if name != "wrong"
         }
         facts["wrong"] = listed([f"sample {i}" for i in self.wrong]) or "no sample"
@@ -232,8 +232,11 @@ def check_result(result: SolvedMotion) -> Check:
             if not _check_sample(_Sample(result, i, model, actions), largest):
                 wrong.append(i)
     terms = largest.term | {"laws": largest.term["equilibrium"], "closure": 1.0, "rates": 1.0}
-    found = {kind: one._replace(size=one.size / terms[kind]) for kind, one in largest.found.items()}
-    return Check(**found, wrong=tuple(wrong))
+    residuals = {
+        kind: residual._replace(size=residual.size / terms[kind])
+        for kind, residual in largest.found.items()
+    }
+    return Check(**residuals, wrong=tuple(wrong))
 
 
 def _check_motion(result: SolvedMotion, largest: _Largest) -> None:
@@ -289,9 +292,9 @@ def _check_sample(sample: _Sample, largest: _Largest) -> bool:
         half, D = (limits[1] - limits[0])[0] / 2.0, sample.rows[na:].T
         spread = np.abs(drive_delivery(scene) @ D) @ half  # joints' frictions are independent
         note("equilibrium", drives, (greatest - least) / 2.0 - spread)
-        given = wrench[at] if result.wrench is None else result.wrench[i]
+        stated = wrench[at] if result.wrench is None else result.wrench[i]
         phi, u = (low + high) / 2.0, (least + greatest) / 2.0
-        state = Solution(u, phi, phi, result.normal_load[i], given, np.zeros((0, 6)))
+        state = Solution(u, phi, phi, result.normal_load[i], stated, np.zeros((0, 6)))
         states = [replace(state, friction_coordinates=0.0 * phi), state]
         slack = np.where(undriven, np.abs(D) @ half, 0.0)
     else:
@@ -303,22 +306,22 @@ def _check_sample(sample: _Sample, largest: _Largest) -> bool:
         states = [solution(0.0 * sample.rate[na:])]
         if not failed:
             usual, names = solution(again.phi[0]), ("normal_load", "wrench", "multipliers")
-            given = {name: getattr(result, name)[i] for name in names}
+            stated = {name: getattr(result, name)[i] for name in names}
             ends = again.ends.reshape(2 * again.ends.shape[1], again.phi.shape[1])
             at_ends = [*map(solution, distinct(ends[~np.isnan(ends).any(axis=1)]))]
-            states += [replace(usual, **given), *at_ends]
+            states += [replace(usual, **stated), *at_ends]
             efforts = np.array([state.effort for state in at_ends or [usual]])
             note("equilibrium", drives, least - efforts.min(axis=0), greatest - efforts.max(axis=0))
             note("laws", sites, low - again.friction_lower[0], high - again.friction_upper[0])
             loops = [loop.name for loop in scene.loops]
-            note("equilibrium", loops, (given["multipliers"] - usual.multipliers).T)
+            note("equilibrium", loops, (stated["multipliers"] - usual.multipliers).T)
     states[0] = replace(states[0], effort=result.effort_frictionless[i])
 
     # 3. Equilibrium and wrenches of each state, the law of friction, and the power of one.
     for n, state in enumerate(states):
         x = np.concatenate([state.effort, state.friction_coordinates])
-        left, wrench = sample.left(x, state.multipliers)
-        excess = np.abs(left) - (slack if n else free)
+        remainder, wrench = sample.left(x, state.multipliers)
+        excess = np.abs(remainder) - (slack if n else free)
         note("equilibrium", velocity_names(scene.model), np.maximum(excess, 0.0))
         note("equilibrium", sites, (wrench[at] - state.wrench).T)
         largest.beside("equilibrium", state.effort, wrench)
@@ -330,7 +333,7 @@ def _check_sample(sample: _Sample, largest: _Largest) -> bool:
                 sample.motion[1],
                 [x * np.append(result.actuator_velocity[i], sample.rate[na:])],
             )
-            terms += [left[undriven] * v[undriven]]
+            terms += [remainder[undriven] * v[undriven]]
             terms += [(state.multipliers * sample.twist[: len(state.multipliers)]).ravel()]
             terms += [f.wrench[i] * sample.data.v[f.joint + 1].vector for f in result.external]
             terms += [pull[0] * sample.data.v[row + 1].vector for row, pull in sample.pulls]

@@ -75,20 +75,20 @@ def _write_choices(
                 v = np.sqrt(w[0] * w[0] + w[1] * w[1] + w[2] * w[2])
                 for e in range(3):
                     law.direction[i, first + e] = w[e] / v if v > 0.0 else 1.0 if e == 0 else 0.0
-            now = law_at(laws, s, v)
-            sticks, dry = abs(v) <= laws.stick_velocity[s], is_dry(now)
+            value = law_at(laws, s, v)
+            sticks, dry = abs(v) <= laws.stick_velocity[s], is_dry(value)
             if dry and (sticks or at_rest[i, s]):
                 law.options[i, s] = 2 if sticks else 3
                 law.code[i, s] = NONE if sticks else SLIDES
-            drag = now.viscous * abs(v) + now.drag
-            law.way[SLIDES, i, s], law.mu[SLIDES, i, s] = np.sign(v), now.mu + now.drag_mu
-            law.coulomb[SLIDES, i, s] = (now.forward if v > 0.0 else now.backward) + drag
+            drag = value.viscous * abs(v) + value.drag
+            law.way[SLIDES, i, s], law.mu[SLIDES, i, s] = np.sign(v), value.mu + value.drag_mu
+            law.coulomb[SLIDES, i, s] = (value.forward if v > 0.0 else value.backward) + drag
             for code in (LOWER, UPPER):
                 # a ball's limit is a sphere about 0, whatever the direction
                 creeps = sticks and (ball[s] or (v > 0.0) == (code == LOWER))
                 law.way[code, i, s] = 1.0 if code == LOWER else -1.0
-                law.mu[code, i, s] = now.static_mu + (now.drag_mu if creeps else 0.0)
-                static = now.static_forward if code == LOWER else now.static_backward
+                law.mu[code, i, s] = value.static_mu + (value.drag_mu if creeps else 0.0)
+                static = value.static_forward if code == LOWER else value.static_backward
                 law.coulomb[code, i, s] = static + (drag if creeps else 0.0)
             if ball[s] and law.options[i, s] == 3 and _is_within(law, i, s):
                 law.options[i, s] = 2

@@ -191,11 +191,11 @@ def map_friction(
     at_joints, free = np.empty((joint.size, 6, columns)), np.empty((ny, ny))
     for i in range(wrench.shape[0]):
         y, contact = samples.y[i], samples.contact[i]
-        left = _balance(plan, total_effort[i], J[i], y, free)
+        spare = _balance(plan, total_effort[i], J[i], y, free)
         for row in range(joint.size):
             _write_known_wrench(plan.entries, joint[row], wrench[i], X[i], at_joints[row])
-        samples.singular[i] = left < 0 or not add_reactions(
-            plan.closure, joint, X[i], 0, free[:, :left].copy(), y, at_joints
+        samples.singular[i] = spare < 0 or not add_reactions(
+            plan.closure, joint, X[i], 0, free[:, :spare].copy(), y, at_joints
         )
         if samples.singular[i]:
             y[:] = contact[:] = np.nan
@@ -225,14 +225,14 @@ def _balance(
             A[r, ny + 1 + k] = -_lever(entries, J, k, v)
     if solve_balance(A, t.scale, y, free) < nr:
         return -1
-    left, shifts = ny - nr, plan.drives.shifts
-    if left > 0 and shifts > 0:
-        still = np.empty((ny, left - shifts))
-        if not share_work(plan.drives, entries, total_effort, J, free[:, :left].copy(), y, still):
+    spare, shifts = ny - nr, plan.drives.shifts
+    if spare > 0 and shifts > 0:
+        still = np.empty((ny, spare - shifts))
+        if not share_work(plan.drives, entries, total_effort, J, free[:, :spare].copy(), y, still):
             return -1
-        left -= shifts
-        free[:, :left] = still
-    return left
+        spare -= shifts
+        free[:, :spare] = still
+    return spare
 
 
 @kernel
@@ -243,7 +243,7 @@ def share_work(
     J: np.ndarray,
     free: np.ndarray,
     y: np.ndarray,
-    left: np.ndarray,
+    still: np.ndarray,
 ) -> bool:
     """Choose the free part of y so that the sum of cost u^2 over the drives is least.
 
@@ -251,7 +251,7 @@ def share_work(
         t, entries: of the plan.
         total_effort, J: see `map_friction`.
         free: (ny, nf) what may be added to y (ny, 1 + ne).
-        left: (ny, nf - shifts), overwritten: what may still be added, which changes no effort.
+        still: (ny, nf - shifts), overwritten: what may still be added, which changes no effort.
 
     Returns:
         False where the least is not unique.
@@ -266,7 +266,7 @@ def share_work(
             for v in range(J.shape[1]):
                 for c in range(ny if t.delivery[d, v] != 0.0 else 0):
                     along[d, f] -= t.delivery[d, v] * J[c, v] * free[c, f]
-    return share_load(effort, along, t.cost, free, y, left) == t.shifts
+    return share_load(effort, along, t.cost, free, y, still) == t.shifts
 
 
 @kernel

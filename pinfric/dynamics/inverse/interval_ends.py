@@ -163,17 +163,17 @@ def find_ends(plan: Plan, samples: LinkedSamples) -> Ends:
     answer: Ends = make(Ends, n=n, na=na, ns=len(plan.sites.joint), ne=columns - 1)
     answer.status[samples.singular] = Status.SINGULAR
     answer.lower[:] = answer.upper[:] = samples.effort[:, :, 0]
-    kept = [KernelArgument(part) for part in (samples, law, answer)]
+    kept = [KernelArgument(table) for table in (samples, law, answer)]
     for island in islands(plan, samples.contact):
-        given = Search(samples, law, answer, island, choice_of(island, na))
-        search = KernelArgument(given, *kept)
+        tables = Search(samples, law, answer, island, choice_of(island, na))
+        search = KernelArgument(tables, *kept)
         resting = (law.options[:, island.site[~island.last]] > 1).any(axis=0).sum()
         long = resting > _INTERPRETED
         solve_samples(search.record() if long else search.beside(samples.contact))
     failed = ~np.isin(answer.status, (Status.CONVERGED, Status.AMBIGUOUS))
-    for found in answer:
-        if found.dtype == float and found is not answer.contraction:
-            found[failed] = np.nan
+    for values in answer:
+        if values.dtype == float and values is not answer.contraction:
+            values[failed] = np.nan
     answer.searched[failed] = False
     return answer
 
@@ -229,13 +229,13 @@ def choice_of_sample(
     ns, (_, na, columns) = len(code), samples.effort.shape
     island = island_of(plan, np.arange(ns), np.zeros(ns, dtype=bool))
     answer: Ends = make(Ends, n=1, na=na, ns=ns, ne=columns - 1)
-    given = Search(samples, law, answer, island, choice_of(island, na))
-    search, choice = KernelArgument(given).beside(samples.contact), given.choice
+    tables = Search(samples, law, answer, island, choice_of(island, na))
+    search, choice = KernelArgument(tables).beside(samples.contact), tables.choice
     begin(search, 0)
     choice.code[:] = code
-    found = solve_choice(search, 0)
+    solutions = solve_choice(search, 0)
     stuck, rows = np.zeros(ns, dtype=bool), np.empty((0, 3))
-    return given, found, reduce_problem(problem_of(search), stuck, choice.way, rows)[1]
+    return tables, solutions, reduce_problem(problem_of(search), stuck, choice.way, rows)[1]
 
 
 @inlined_kernel
@@ -261,16 +261,16 @@ def solve_samples(search: Search) -> None:
         begin(search, i)
         if choice.options.max() == 1 and choice.figures[0] >= 1.0:
             last[:] = False  # a wide search starts from frictions of all sites: it finds more
-        found = solve_choice(search, i)
-        _note(search, i, found)
-        if found > 0:
+        solutions = solve_choice(search, i)
+        _note(search, i, solutions)
+        if solutions > 0:
             _complete(search, i, 0)
             for s in range(last.size):
                 answer.load[i, island.site[s]] = choice.load[s]
             for e in range(choice.phi.size):
                 answer.phi[i, island.entry[e]] = choice.phi[e]
         if choice.options.max() == 1:
-            for solution in range(found):
+            for solution in range(solutions):
                 if solution > 0:
                     _complete(search, i, solution)
                 _widen(search, i, solution, -1, 0)
@@ -338,7 +338,7 @@ def solve_choice(search: Search, i: int) -> int:
     """Solve a choice from the last solution; return the number of solutions, -1: undecided."""
     law, choice, site, answer = search.law, search.choice, search.island.site, search.answer
     code, last, way, mu, coulomb = choice.code, choice.last, choice.way, choice.mu, choice.coulomb
-    x, figures, coupled, found = choice.x, choice.figures, False, 1
+    x, figures, coupled, solutions = choice.x, choice.figures, False, 1
     contraction = figures[0]
     for s in range(site.size):
         mu[s] = law.mu[code[s], i, site[s]]
@@ -350,17 +350,17 @@ def solve_choice(search: Search, i: int) -> int:
         for s in range(site.size):
             x[0, s] = -way[s] * coulomb[s, 0]
     elif not _descend(search):
-        given = problem_of(search), np.zeros(way.size, np.bool_), way, np.empty((0, 3))
-        found = solve_given_modes(*given, np.full(1, np.nan), x, figures)
-        if found < 2 and figures[0] >= 1.0:
-            reduced = reduce_problem(*given)[1]
-            found = from_many_starts(reduced, way, x, max(found, 0), figures)
-        for s in range(site.size if found < 1 else 0):
+        problem = problem_of(search), np.zeros(way.size, np.bool_), way, np.empty((0, 3))
+        solutions = solve_given_modes(*problem, np.full(1, np.nan), x, figures)
+        if solutions < 2 and figures[0] >= 1.0:
+            reduced = reduce_problem(*problem)[1]
+            solutions = from_many_starts(reduced, way, x, max(solutions, 0), figures)
+        for s in range(site.size if solutions < 1 else 0):
             x[0, s] = 0.0
     answer.iterations[i] += int(figures[1])
     answer.contraction[i] = max(answer.contraction[i], figures[0] if coupled else 0.0)
     figures[0] = contraction
-    return found
+    return solutions
 
 
 @kernel
@@ -466,11 +466,11 @@ def _has_failed(search: Search, i: int) -> bool:
 
 
 @inlined_kernel
-def _note(search: Search, i: int, found: int) -> None:
+def _note(search: Search, i: int, solutions: int) -> None:
     """Let the number of solutions worsen a sample's status."""
-    if found < 1:
-        search.answer.status[i] = Status.JAMMED if found == 0 else Status.NOT_CONVERGED
-    elif found > 1:
+    if solutions < 1:
+        search.answer.status[i] = Status.JAMMED if solutions == 0 else Status.NOT_CONVERGED
+    elif solutions > 1:
         search.answer.status[i] = Status.AMBIGUOUS
 
 
@@ -492,16 +492,16 @@ def _evaluate(search: Search, i: int, drive: int, side: int) -> float:
         for e in range(direction.size):
             direction[e] = law.direction[i, island.entry[e]]
         _direct(search, i)
-    found, best = 0, -np.inf
+    solutions, best = 0, -np.inf
     for _ in range(_TURNS):
-        found = solve_choice(search, i)
+        solutions = solve_choice(search, i)
         if not turns or not _turn(search, i, drive, side):
             break
         if search.answer.iterations[i] > search.choice.most[3]:
-            found = -1
+            solutions = -1
             break
-    _note(search, i, found)
-    for solution in range(found):
+    _note(search, i, solutions)
+    for solution in range(solutions):
         _complete(search, i, solution)
         best = max(best, _widen(search, i, solution, drive, side))
     return best
@@ -583,7 +583,7 @@ def _turn(search: Search, i: int, drive: int, side: int) -> bool:
 
 @kernel
 def _enumerate(search: Search, i: int) -> bool:
-    """Solve all combinations of limits; False: too many, or many with possibly several solutions."""
+    """Solve all combinations of limits; False: too many, or many where each may be ambiguous."""
     island, choice, most = search.island, search.choice, search.choice.most
     (na, ns), balls, corners = (choice.effort.shape[0], choice.code.size), False, 1.0
     count, place, step = np.ones(ns, np.int64), np.zeros(ns, np.int64), np.ones(ns, np.int64)
@@ -705,14 +705,14 @@ def _flip(search: Search, i: int, drive: int, side: int) -> None:
     while not _has_failed(search, i):
         top, where, flipped = -np.inf, 0, 0
         for s in range(code.size):
-            now = code[s]
+            kept = code[s]
             for n in range(_count(ball[s], options[s])):
                 code[s] = _code(ball[s], options[s], n)
-                if code[s] != now:
+                if code[s] != kept:
                     value = _evaluate(search, i, drive, side)
                     if value > top:
                         top, where, flipped = value, s, code[s]
-            code[s] = now
+            code[s] = kept
         if not top - best > 1e-12 * abs(best):
             return
         best, code[where] = top, flipped

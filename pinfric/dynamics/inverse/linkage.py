@@ -64,8 +64,8 @@ def solve_linkage(
         frictionless[here] = samples.effort[:, :, 0]
         ends = find_ends(plan, samples)
         parts.append(ends)
-        given = ends.phi, wrench[here], solved[here]
-        write_site_wrenches(argument.beside(samples.X, *given), samples, *given)
+        unknowns = ends.phi, wrench[here], solved[here]
+        write_site_wrenches(argument.beside(samples.X, *unknowns), samples, *unknowns)
         multipliers[here] = loop_wrenches(linkage, samples.X, solved[here])
     answer = Ends(*map(np.concatenate, zip(*parts, strict=True)))
     _warn(scene, answer, whole.start)

@@ -34,15 +34,15 @@ def find_solutions(result: SolvedMotion, sample: int) -> tuple[Solution, ...]:
     law = friction_laws(plan, samples)
     if (law.options > 1).any():
         ends = find_ends(plan, samples).ends
-        found = ends.reshape(-1, ends.shape[-1])
-        found = found[~np.isnan(found).any(axis=1)]
+        frictions = ends.reshape(-1, ends.shape[-1])
+        frictions = frictions[~np.isnan(frictions).any(axis=1)]
     else:
         search, count, reduced = choice_of_sample(plan, samples, law, law.code[0])
         choice = search.choice
-        given = choice.x, max(count, 0), choice.figures
-        count = from_many_starts(reduced, choice.way, *given)
-        found = choice.x[:count, plan.entries.site] * law.direction
-    return tuple(_solution(result.scene, samples, phi) for phi in distinct(found))
+        starts = choice.x, max(count, 0), choice.figures
+        count = from_many_starts(reduced, choice.way, *starts)
+        frictions = choice.x[:count, plan.entries.site] * law.direction
+    return tuple(_solution(result.scene, samples, phi) for phi in distinct(frictions))
 
 
 def solve_sample(
@@ -87,9 +87,9 @@ def _solution(scene: Scene, samples: LinkedSamples, phi: np.ndarray) -> Solution
     plan = argument.given
     ns = len(plan.sites.joint)
     wrench, solved = np.empty((1, ns, 6)), np.empty((1, plan.closure.solved))
-    given = phi[None], wrench, solved
-    write_site_wrenches(argument.beside(samples.X, *given), samples, *given)
-    one = np.concatenate([[1.0], phi])
+    unknowns = phi[None], wrench, solved
+    write_site_wrenches(argument.beside(samples.X, *unknowns), samples, *unknowns)
+    columns = np.concatenate([[1.0], phi])
     load = np.empty(ns)
     write_loads(samples.contact[0], plan.contacts.site, plan.sites.constant, phi, load)
     friction = phi[plan.sites.first_entry].copy()
@@ -97,7 +97,7 @@ def _solution(scene: Scene, samples: LinkedSamples, phi: np.ndarray) -> Solution
         first = plan.sites.first_entry[s]
         friction[s] = -np.linalg.norm(phi[first : first + 3])
     return Solution(
-        effort=samples.effort[0, :na] @ one,
+        effort=samples.effort[0, :na] @ columns,
         friction=friction,
         friction_coordinates=phi.copy(),
         normal_load=load,

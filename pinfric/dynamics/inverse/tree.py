@@ -48,10 +48,10 @@ def _samples(
     shapes = [(n, nv)] * 3 + [(n, ns)] * 3 + [(n, ns, 6 if reacting else 0)]
     ends = np.cumsum([int(np.prod(shape)) for shape in shapes])
     pieces = np.split(np.empty(ends[-1]), ends[:-1])
-    *found, wrench = (piece.reshape(shape) for piece, shape in zip(pieces, shapes, strict=True))
+    *results, wrench = (piece.reshape(shape) for piece, shape in zip(pieces, shapes, strict=True))
     sticking = np.empty((n, ns), dtype=bool)
-    every = velocity, reversal, np.empty((0, 0)), *found, sticking
-    return TreeSamples._make(every), wrench
+    arrays = velocity, reversal, np.empty((0, 0)), *results, sticking
+    return TreeSamples._make(arrays), wrench
 
 
 def solve_tree(
@@ -65,27 +65,27 @@ def solve_tree(
     threads = threads_for(T, threads)
     velocity, reversal = _site_velocities(scene, states, whole, threads)
     reacting = _needs_wrenches(scene, applied)
-    found, wrench = _samples(scene, velocity, reversal, reacting)
+    results, wrench = _samples(scene, velocity, reversal, reacting)
     batch = Batch.of(scene.twin(), min(T, batch_size(threads)))
     for part, twin in constant_payloads(scene, states, whole, batch_size(threads)):
         here = slice(part.start - whole.start, part.stop - whole.start)
-        now, a = TreeSamples._make(array[here] for array in found), states.a[part]
+        samples, a = TreeSamples._make(array[here] for array in results), states.a[part]
         joint_wrench = wrench[here]
         if reacting:
             joint_wrench = _react(scene, twin, states, applied, part, batch, joint_wrench, threads)
         else:
-            _plain(twin, states.q[part], states.v[part], a, threads, now.effort_frictionless)
+            _plain(twin, states.q[part], states.v[part], a, threads, samples.effort_frictionless)
         if sites.contacts.moves.any():
-            now = now._replace(displacement=twin.displacements(sites.joint, states.q[part]))
-        _bound(twin, a, sites, joint_wrench, now, threads)
+            samples = samples._replace(displacement=twin.displacements(sites.joint, states.q[part]))
+        _bound(twin, a, sites, joint_wrench, samples, threads)
     if reacting:
         check_roll_moments(scene, wrench, whole.start)
-    answer = {name: getattr(found, name) for name in _FOUND}
+    answer = {name: getattr(results, name) for name in _FOUND}
     around = states.around(whole)
     v, a = states.v[around], states.a[around]
     if not scene.one_drive_each:
-        answer |= _on_drives(scene, states, whole, found)
-        v, a = (drive_rates(scene.drives, given, v[:, :0]) for given in (v, a))
+        answer |= _on_drives(scene, states, whole, results)
+        v, a = (drive_rates(scene.drives, rates, v[:, :0]) for rates in (v, a))
     efforts = answer["effort_lower"], answer["effort_upper"]
     check_finite(scene, efforts, whole.start)
     torques = motor_torques(scene, states, whole, efforts, v, a)
@@ -151,15 +151,15 @@ def _react(
         at_sites: (n, ns, 6), overwritten.
         threads: of Pinocchio.
     """
-    every = len(scene.sites) == twin.n_joints
-    now = batch.first(part.stop - part.start)
-    if every:  # every joint is a site: no second copy of its wrench
-        now = Batch(now.q, now.v, now.a, at_sites)
-    reactions(twin, states.q[part], states.v[part], states.a[part], now, threads)
-    subtract_external_wrenches(twin, applied, part, now)
-    if not every:
-        at_sites[:] = now.wrench[:, scene.site_tables.joint]
-    return now.wrench
+    all_sites = len(scene.sites) == twin.n_joints
+    buffers = batch.first(part.stop - part.start)
+    if all_sites:  # every joint is a site: no second copy of its wrench
+        buffers = Batch(buffers.q, buffers.v, buffers.a, at_sites)
+    reactions(twin, states.q[part], states.v[part], states.a[part], buffers, threads)
+    subtract_external_wrenches(twin, applied, part, buffers)
+    if not all_sites:
+        at_sites[:] = buffers.wrench[:, scene.site_tables.joint]
+    return buffers.wrench
 
 
 def _bound(
@@ -195,16 +195,16 @@ def _plain(
 
 
 def _on_drives(
-    scene: Scene, states: States, whole: slice, found: TreeSamples
+    scene: Scene, states: States, whole: slice, joints: TreeSamples
 ) -> dict[str, np.ndarray]:
     """Map the joints' efforts to their drives; raises the errors of `check_undriven`."""
     P, undriven = drive_delivery(scene), list(scene.mobility.undriven)
-    lower, upper = found.effort_lower, found.effort_upper
+    lower, upper = joints.effort_lower, joints.effort_upper
     check_undriven(scene, states, whole, lower[:, undriven], upper[:, undriven])
-    narrow_friction(scene, found.effort_frictionless, found.friction_lower, found.friction_upper)
+    narrow_friction(scene, joints.effort_frictionless, joints.friction_lower, joints.friction_upper)
     # joints' frictions are independent: so are the ends of their efforts
     lower, upper = deliver_interval(P, lower, upper)
-    frictionless = found.effort_frictionless @ P.T
+    frictionless = joints.effort_frictionless @ P.T
     return {"effort_lower": lower, "effort_upper": upper, "effort_frictionless": frictionless}
 
 
