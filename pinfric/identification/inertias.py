@@ -1,8 +1,11 @@
 """Inertial parameters of links: regularised to the URDF's, and physically possible.
 
-A body is possible if its pseudo-inertia [[Sigma, h], [h^T, m]] is positive definite, that is U U^T
-with U = exp(alpha) [[exp(d1), s12, s13, t1], [0, exp(d2), s23, t2], [0, 0, exp(d3), t3], [0, 0, 0,
-1]] (Rucker and Wensing, Smooth parameterization of rigid-body inertia, 2022).
+A body is possible if its pseudo-inertia [[Sigma, h], [h^T, m]] is positive definite, that is U U^T,
+
+    U = exp(alpha) [[exp(d1), s12, s13, t1], [0, exp(d2), s23, t2],
+                    [0, 0, exp(d3), t3], [0, 0, 0, 1]]
+
+(Rucker and Wensing, Smooth parameterization of rigid-body inertia, 2022).
 """
 
 from __future__ import annotations

@@ -77,8 +77,7 @@ class Uncertainty:
     def of(self, weights: Mapping[int, float], level: float = 0.95) -> tuple[float, float]:
         """Return standard error and interval's reach to either side of a sum of coefficients.
 
-        Degrees of freedom of a sum of two variances (Satterthwaite 1946): (a + b)^2 / (a^2/n_a +
-        b^2/n_b).
+            (a + b)^2 / (a^2/n_a + b^2/n_b)    freedom of two summed variances (Satterthwaite 1946)
 
         Args:
             weights: place among (nj K,) -> weight in the sum; those at zero are taken as known.

@@ -5,10 +5,12 @@ Joints start and stop together at every way-point. With s = (t - t_start)/T, q =
     quintic      b = 10 s^3 - 15 s^4 + 6 s^5,  peak velocity 15 |D| / (8 T)
     trapezoidal  b' = s/(r (1 - r)) up to 1/(1 - r), down alike,  peak velocity |D| / ((1 - r) T)
 
-r is `ramp`, the part of T spent speeding up (0.5: a triangle). Without `duration` a point takes T =
-max over joints of k |D| / (speed x velocity limit), k = 15/8 or 1/(1 - r), rounded up to whole
-sample periods, four at least. Equations: Biagiotti & Melchiorri, Trajectory Planning for Automatic
-Machines and Robots (2008), chapters 2 and 3.
+r is `ramp`, the part of T spent speeding up (0.5: a triangle). Without `duration`
+
+    T = max over joints of k |D| / (speed x velocity limit),  k = 15/8 or 1/(1 - r),
+
+rounded up to whole sample periods, four at least. Equations: Biagiotti & Melchiorri, Trajectory
+Planning for Automatic Machines and Robots (2008), chapters 2 and 3.
 """
 
 from __future__ import annotations
