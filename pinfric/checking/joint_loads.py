@@ -151,7 +151,15 @@ def limit_remarks(
     velocity limit is beyond 100 W/kg of it, or where five joints or more have one limit beyond m g
     L.
     """
-    turning = _turning(model)
+    # Turning joints with an effort limit -> it, N m, and the velocity limit, rad/s
+    turning = {
+        j: (limit, float(model.velocityLimit[kind.idx_v]))
+        for j, kind in enumerate(model.joints)
+        if j
+        and kind.nv == 1
+        and not twist(model, kind)[:3].any()
+        and (limit := _limit(model, kind))
+    }
     remarks: dict[int, str] = {}
     if not held_out:
         for j, (limit, _) in turning.items():
@@ -188,18 +196,6 @@ def one_limit(limits: Sequence[float], own: Sequence[float], held_out: float) ->
     """
     alike = len(limits) >= _ALIKE and len(set(limits)) == 1 and limits[0] > _ALIKE_OVER * held_out
     return alike and max(own) > _LOADS_APART * min(own)
-
-
-def _turning(model: pin.Model) -> dict[int, tuple[float, float]]:
-    """The turning joints with an effort limit -> it, N m, and the velocity limit, rad/s."""
-    return {
-        j: (limit, float(model.velocityLimit[kind.idx_v]))
-        for j, kind in enumerate(model.joints)
-        if j
-        and kind.nv == 1
-        and not twist(model, kind)[:3].any()
-        and (limit := _limit(model, kind))
-    }
 
 
 def _own_weight(model: pin.Model, joints: Iterable[int]) -> dict[int, float]:

@@ -47,9 +47,40 @@ def joint_findings(facts: RobotFacts, robot: Robot | None) -> Iterator[Finding]:
         )
     if robot is not None:
         yield from _efforts(robot, facts)
-        yield from _dynamics(robot)
-        yield from _gears(robot)
-    yield from _transmissions(facts)
+        movable = set(robot.model.names)
+        stated = {
+            name: d
+            for name, d in robot.dynamics.items()
+            if name in movable and (d.friction or d.damping)
+        }
+        if stated:
+            name, d = next(iter(stated.items()))
+            more = f" and {len(stated) - 1} more" if len(stated) > 1 else ""
+            yield note(
+                "dynamics",
+                "robot",
+                f"<dynamics> of {name} (friction {d.friction:g}, damping {d.damping:g}){more}",
+                "`pinfric new` notes it beside its guesses; `urdf_dynamics: use` in a scene uses "
+                "it",
+            )
+        if gears := robot.gears:
+            shown = ", ".join(f"{name} {ratio:g}" for name, ratio in list(gears.items())[:3])
+            more = f" and {len(gears) - 3} more" if len(gears) > 3 else ""
+            yield note(
+                "reductions",
+                "robot",
+                f"<transmission> gives {shown}{more}",
+                "`pinfric new` writes these ratios, without losses or rotor inertia: a URDF has "
+                "none",
+            )
+    for name, ratio in reductions(facts.root).items():
+        if name not in facts.elements:
+            said = "a <transmission> names it", "there is no such joint"
+        elif not math.isfinite(ratio) or ratio == 0.0:
+            said = f"<mechanicalReduction> {ratio:g}", "connects nothing"
+        else:
+            continue
+        yield warning("transmission", f"joint {name}", *said)
 
 
 def _placement(joint: Any, facts: RobotFacts) -> Iterator[Finding]:
@@ -179,46 +210,4 @@ def _efforts(robot: Robot, facts: RobotFacts) -> Iterator[Finding]:
             "robot",
             f"all {len(limits)} effort limits are {limits[0]:.4g} N m",
             "one motor everywhere, or a placeholder",
-        )
-
-
-def _dynamics(robot: Robot) -> Iterator[Finding]:
-    movable = set(robot.model.names)
-    stated = {
-        name: d
-        for name, d in robot.dynamics.items()
-        if name in movable and (d.friction or d.damping)
-    }
-    if stated:
-        name, first = next(iter(stated.items()))
-        more = f" and {len(stated) - 1} more" if len(stated) > 1 else ""
-        yield note(
-            "dynamics",
-            "robot",
-            f"<dynamics> of {name} (friction {first.friction:g}, damping {first.damping:g}){more}",
-            "`pinfric new` notes it beside its guesses; `urdf_dynamics: use` in a scene uses it",
-        )
-
-
-def _transmissions(facts: RobotFacts) -> Iterator[Finding]:
-    for name, ratio in reductions(facts.root).items():
-        if name not in facts.elements:
-            said = "a <transmission> names it", "there is no such joint"
-        elif not math.isfinite(ratio) or ratio == 0.0:
-            said = f"<mechanicalReduction> {ratio:g}", "connects nothing"
-        else:
-            continue
-        yield warning("transmission", f"joint {name}", *said)
-
-
-def _gears(robot: Robot) -> Iterator[Finding]:
-    gears = robot.gears
-    if gears:
-        shown = ", ".join(f"{name} {ratio:g}" for name, ratio in list(gears.items())[:3])
-        more = f" and {len(gears) - 3} more" if len(gears) > 3 else ""
-        yield note(
-            "reductions",
-            "robot",
-            f"<transmission> gives {shown}{more}",
-            "`pinfric new` writes these ratios, without losses or rotor inertia: a URDF has none",
         )

@@ -117,13 +117,15 @@ def _shape(
     shape: Any, urdf: Path, folders: Sequence[Path], unread: dict[str, str]
 ) -> tuple[_Shape, np.ndarray] | None:
     """A shape before its scale, and the scale (3,)."""
-    mesh = shape.geometry.mesh
+    geometry, mesh = shape.geometry, shape.geometry.mesh
+    if geometry.box is not None:
+        return _Shape(_CORNERS, _CORNERS), np.asarray(geometry.box.size, dtype=float)
     if mesh is None:
-        edges = np.asarray(_edges(shape.geometry), dtype=float)
-        ring = _ROUND if shape.geometry.box is None else _CORNERS
-        if shape.geometry.sphere is not None:
-            ring = _BALL
-        return _Shape(_CORNERS, ring), edges
+        body = geometry.sphere or geometry.cylinder
+        across = 2.0 * body.radius
+        height = across if geometry.sphere else body.length
+        ring = _BALL if geometry.sphere else _ROUND
+        return _Shape(_CORNERS, ring), np.array([across, across, height], dtype=float)
     path = mesh_file(mesh.filename, urdf, folders)
     if path is None:
         return None  # said where the robot is read
@@ -142,15 +144,6 @@ def _volume(points: Sequence[np.ndarray]) -> float:
         return float(ConvexHull(np.concatenate(points)).volume)
     except (QhullError, ValueError):
         return 0.0
-
-
-def _edges(geometry: Any) -> np.ndarray:
-    """Edges of the box that holds a body (m)."""
-    if geometry.box is not None:
-        return geometry.box.size
-    body = geometry.sphere or geometry.cylinder
-    across = 2.0 * body.radius
-    return np.array([across, across, across if geometry.sphere else body.length])
 
 
 def place_of(origin: np.ndarray | None) -> np.ndarray:

@@ -40,7 +40,15 @@ def link_findings(facts: RobotFacts) -> Iterator[Finding]:
     """Yield findings on the whole robot, then link by link."""
     whole = list(_whole_robot(facts))
     yield from whole
-    yield from _fixed_mass(facts)
+    if fixed := facts.fixed_mass:
+        first, *others = fixed
+        more = f" and {len(others)} more" if others else ""
+        yield note(
+            "fixed mass",
+            "robot",
+            f"{sum(fixed.values()):.3g} kg never move (link {first}{more})",
+            "fixed to the ground, they load no joint",
+        )
     # of a shape the density says more, see `_density`
     yield from outweighing({f"link {x.name}": x.mass for x in facts.links if not x.has_shapes})
     if any(finding.kind == "lengths" for finding in whole):
@@ -99,19 +107,6 @@ def outweighing(masses: Mapping[str, float]) -> Iterator[Finding]:
         in_unit(unit, "kg", mass),
         mass / (_OUTWEIGHS * others_mass),
     )
-
-
-def _fixed_mass(facts: RobotFacts) -> Iterator[Finding]:
-    fixed = facts.fixed_mass
-    if fixed:
-        first, *others = fixed
-        more = f" and {len(others)} more" if others else ""
-        yield note(
-            "fixed mass",
-            "robot",
-            f"{sum(fixed.values()):.3g} kg never move (link {first}{more})",
-            "fixed to the ground, they load no joint",
-        )
 
 
 def _shape(link: LinkFacts, facts: RobotFacts) -> Finding | None:
@@ -221,7 +216,8 @@ def _extends(link: LinkFacts, farthest: float) -> str:
 
 
 def _density(link: LinkFacts) -> Finding | None:
-    density = _box_density(link)
+    # mass over the volume of the shapes' box (kg/m^3): less than the material's
+    density = float(link.mass / np.prod(np.maximum(link.extent.size, 1e-3)))
     density_text = f"{link.mass:.3g} kg in a box of {1e6 * link.mass / density:.3g} cm^3"
     if link.mass_share < _SHARE:
         return None
@@ -244,8 +240,3 @@ def _density(link: LinkFacts) -> Finding | None:
             excess=_LIGHTEST / density,
         )
     return None
-
-
-def _box_density(link: LinkFacts) -> float:
-    """Mass over the volume of the shapes' box (kg/m^3): less than the material's."""
-    return float(link.mass / np.prod(np.maximum(link.extent.size, 1e-3)))
