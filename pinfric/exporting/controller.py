@@ -51,7 +51,12 @@ def compensator(
     """
     largest = np.max(np.abs([compensation(result, end) for end in ("lower", "upper")]), axis=(0, 1))
     stable = [stable_scale(unknown.get(name, 0.0)) for name in scene.actuator_names]
-    bounds = Bounds(_spare(largest), _effort_limits(scene, result), stable)
+    # Where no effort limit of a joint is stated, from what the motion takes
+    ends = result.joint_effort_lower, result.joint_effort_upper
+    spare = _spare(np.abs(ends).max(axis=(0, 1)))
+    stated = [stated_limit(scene.model.effortLimit[d.velocity_index]) for d in scene.drives]
+    limits = [a if a < np.inf else b for a, b in zip(stated, spare, strict=True)]
+    bounds = Bounds(_spare(largest), limits, stable)
     frames = tuple(frames) or default_frames(scene)
     # States along the motion, the first as it is at rest, with what pinfric computes of them
     picked = np.linspace(0, len(result.status) - 1, _STATES).astype(int)
@@ -70,14 +75,6 @@ def compensator(
 def _spare(largest: np.ndarray) -> list[float]:
     """Limits: `_SPARE` times the largest values along a motion; infinite where these are 0."""
     return [float(f"{_SPARE * x:.3g}") if x > 0.0 else np.inf for x in largest]
-
-
-def _effort_limits(scene: Scene, result: InverseResult) -> list[float]:
-    """The joints' effort limits; where none is stated, from what the motion takes."""
-    ends = result.joint_effort_lower, result.joint_effort_upper
-    spare = _spare(np.abs(ends).max(axis=(0, 1)))
-    stated = [stated_limit(scene.model.effortLimit[d.velocity_index]) for d in scene.drives]
-    return [a if a < np.inf else b for a, b in zip(stated, spare, strict=True)]
 
 
 def compensation(result: InverseResult, end: str) -> np.ndarray:

@@ -130,7 +130,11 @@ def cpp_files(
     constants = "\n".join(_constants(scene, frames, bounds))
     header = _named(template("compensator.hpp").replace("// @@CONSTANTS\n", constants + "\n"), name)
     digest = hashlib.sha256(header.encode()).hexdigest()[:12]
-    made_of = f"{name}: {_made_of(scene)}, constants and code {digest}"
+    files = [Path(scene.source), *([] if scene.robot is None else [scene.robot.urdf])]
+    hashes = [f"{file.name} sha256 {file_hash(file)}" for file in files if file.is_file()]
+    said = f"pinfric {__version__}, {', '.join(hashes) or 'a scene made in Python'}"
+    said = _comment(said).replace('"', "'")
+    made_of = f"{name}: {said}, constants and code {digest}"
     for mark, text in (("HASH", digest), ("MADE_OF", made_of), ("TITLE", title)):
         header = header.replace(f"@@{mark}", text)
     rows = "\n".join(f"    {{{', '.join(_array(array) for array in state)}}}," for state in states)
@@ -156,13 +160,6 @@ def header_name(source: str, name: str = "") -> str:
             "underscores, a letter first, no keyword"
         )
     return name
-
-
-def _made_of(scene: Scene) -> str:
-    files = [Path(scene.source), *([] if scene.robot is None else [scene.robot.urdf])]
-    hashes = [f"{file.name} sha256 {file_hash(file)}" for file in files if file.is_file()]
-    said = f"pinfric {__version__}, {', '.join(hashes) or 'a scene made in Python'}"
-    return _comment(said).replace('"', "'")
 
 
 def default_frames(scene: Scene) -> tuple[str, ...]:

@@ -153,7 +153,13 @@ def _add_body(
     parent: ElementTree.Element, body: MovedBody, joint: MjcfJoint
 ) -> ElementTree.Element:
     element = _add(parent, "body", name=body.link, **_place(body.placement))
-    inertia = _inertia(body)
+    # Raised until it obeys the triangle inequality despite rounding
+    inertia = body.inertia.inertia
+    principal = np.linalg.eigvalsh(inertia)
+    lacking = max(principal[2] - principal[0] - principal[1], _LEAST_INERTIA - principal[0], 0.0)
+    rounding = 1e-12 * principal[2]
+    if principal[2] - principal[0] - principal[1] >= -rounding:
+        inertia = inertia + (lacking + rounding) * np.eye(3)
     moments = [inertia[i, j] for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]
     _add(
         element,
@@ -228,16 +234,6 @@ def _add_capsule(element: ElementTree.Element, to: np.ndarray) -> None:
             conaffinity="0",
             group="1",
         )
-
-
-def _inertia(body: MovedBody) -> np.ndarray:
-    """The body's (3, 3) inertia, raised until it obeys the triangle inequality despite rounding."""
-    inertia = body.inertia.inertia
-    moments = np.linalg.eigvalsh(inertia)
-    lacking = max(moments[2] - moments[0] - moments[1], _LEAST_INERTIA - moments[0], 0.0)
-    rounding = 1e-12 * moments[2]
-    near = moments[2] - moments[0] - moments[1] >= -rounding
-    return np.asarray(inertia + (lacking + rounding) * np.eye(3)) if near else inertia
 
 
 def _add(parent: ElementTree.Element, tag: str, **attributes: str) -> ElementTree.Element:

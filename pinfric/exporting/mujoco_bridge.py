@@ -134,7 +134,8 @@ class MujocoFriction:
         Source: MuJoCo documentation, API reference: physics callbacks.
         """
         if self._callback is None:
-            constants = {"LEAST": _LEAST, "HELD": _HELD, "REFUSED": _refused_flags(self._mujoco)}
+            refused = sum(_bit(self._mujoco, flag) for flag in _FLAGS)
+            constants = {"LEAST": _LEAST, "HELD": _HELD, "REFUSED": refused}
             places = {robot.prefix: robot.places for robot in self._robots}
             self._callback = Callback(self._mujoco, self.scenes, self.model, places, constants)
         with self._callback.installed():
@@ -467,14 +468,9 @@ def _joints(mujoco: Any, scene: Scene, model: Any, prefix: str) -> list[int]:
                 f"the MuJoCo model and {body.axis.tolist()} in the scene"
             )
         indices.append(j)
-    _check_nothing_between(scene, model, indices)
-    return indices
-
-
-def _check_nothing_between(scene: Scene, model: Any, joints: list[int]) -> None:
-    """Refuse further joints in the robot; a cart under it may have some."""
-    for j, body in zip(joints, bodies(scene), strict=True):
-        above = int(model.jnt_bodyid[joints[body.parent]]) if body.parent >= 0 else None
+    # Refuse further joints in the robot; a cart under it may have some
+    for j, body in zip(indices, bodies(scene), strict=True):
+        above = int(model.jnt_bodyid[indices[body.parent]]) if body.parent >= 0 else None
         at = int(model.jnt_bodyid[j])
         while True:
             first, count = model.body_jntadr[at], model.body_jntnum[at]
@@ -487,6 +483,7 @@ def _check_nothing_between(scene: Scene, model: Any, joints: list[int]) -> None:
             at = int(model.body_parentid[at])
             if above is None or at in (above, 0):
                 break
+    return indices
 
 
 def _check_followers(scene: Scene, tree: Any, counts: np.ndarray, rubs: set[str]) -> None:
@@ -500,10 +497,6 @@ def _check_followers(scene: Scene, tree: Any, counts: np.ndarray, rubs: set[str]
                 "them has friction or a gear: in MuJoCo the force that couples them would count as "
                 "the gear's; lock both (robot.locked), they may move in the MuJoCo model"
             )
-
-
-def _refused_flags(mujoco: Any) -> int:
-    return sum(_bit(mujoco, flag) for flag in _FLAGS)
 
 
 def _bit(mujoco: Any, flag: str) -> int:

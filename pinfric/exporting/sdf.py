@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Mapping, Sequence
+from itertools import combinations_with_replacement
 from pathlib import Path
 
 import numpy as np
@@ -40,7 +41,14 @@ def sdf(
     named = {body.joint.name for body in tree}
     links = [body.link if body.link not in named else f"{body.link}_link" for body in tree]
     for body, name in zip(tree, links, strict=True):
-        model.append(_link(body, name))
+        link = ElementTree.SubElement(model, "link", name=name)  # in the frame of its joint
+        _text(link, "pose", numbers([0.0] * 6), relative_to=body.joint.name)
+        inertial = ElementTree.SubElement(link, "inertial")
+        _text(inertial, "pose", numbers([*body.inertia.lever, 0.0, 0.0, 0.0]))
+        _text(inertial, "mass", numbers([body.inertia.mass]))
+        inertia, I = ElementTree.SubElement(inertial, "inertia"), body.inertia.inertia  # noqa: E741
+        for i, k in combinations_with_replacement(range(3), 2):
+            _text(inertia, f"i{'xyz'[i]}{'xyz'[k]}", numbers([I[i, k]]))
     springs = scene.twin().springs
     for row, (body, name) in enumerate(zip(tree, links, strict=True)):
         own = by_name.get(body.joint.name)
@@ -53,19 +61,6 @@ def sdf(
             for tag, value in drake_rotor(own, rotors[own.joint]).items():
                 _text(element, tag, value)
     return xml_text(root)
-
-
-def _link(body: MovedBody, name: str) -> ElementTree.Element:
-    link = ElementTree.Element("link", name=name)
-    _text(link, "pose", numbers([0.0] * 6), relative_to=body.joint.name)
-    inertial = ElementTree.SubElement(link, "inertial")
-    _text(inertial, "pose", numbers([*body.inertia.lever, 0.0, 0.0, 0.0]))
-    _text(inertial, "mass", numbers([body.inertia.mass]))
-    inertia, I = ElementTree.SubElement(inertial, "inertia"), body.inertia.inertia  # noqa: E741
-    for i in range(3):
-        for k in range(i, 3):
-            _text(inertia, f"i{'xyz'[i]}{'xyz'[k]}", numbers([I[i, k]]))
-    return link
 
 
 def _joint(
