@@ -1,8 +1,8 @@
 """Masses of a robot whose URDF has none, estimated from what the whole robot weighs.
 
-Of nine arms whose masses are known (Panda, UR3, UR5, UR10, Z1, xArm7, Kinova, SO-100, SO-101),
-torques in the worst posture come out 0.73 to 1.81 times as large by hulls, 0.56 to 1.25 times by
-lengths; the rms factor is 1.3 in both. Legs and torsos do not share mass like this.
+Torques of nine arms with known masses (Panda, UR3, UR5, UR10, Z1, xArm7, Kinova, SO-100, SO-101) in
+the worst posture become 0.73 to 1.81 times as large by hulls, 0.56 to 1.25 times by lengths; the
+rms factor is 1.3 in both. Legs and torsos do not share mass like this.
 """
 
 from __future__ import annotations

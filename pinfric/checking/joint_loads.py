@@ -74,9 +74,9 @@ class JointLoad:
 def joint_loads(model: pin.Model, held_out: float | None) -> list[JointLoad]:
     """Return the load of each joint: its effort limit, or the weight that it carries in q0.
 
-    Without a limit, or with a placeholder, a turning joint stands at least 0.15 of what the
-    strongest one before it in its chain does: an axis through the centre of mass carries no weight,
-    but turns a payload. A chain ends where a link carries several.
+    Without a limit, or with a placeholder, a turning joint stands at least 0.15 of the strongest
+    one before it in its chain: an axis through the centre of mass carries no weight, but turns a
+    payload. A chain ends where a link carries several.
 
     Args:
         held_out: `held_out_level`, N m; None: masses are not believed, and judge no limits.
@@ -147,9 +147,8 @@ def limit_remarks(
 ) -> tuple[dict[int, str], dict[int, float]]:
     """Return joint -> why its limit is a placeholder, and -> N m against its own weight.
 
-    A limit of a turning joint is a placeholder beyond 3 m g L of the whole robot, where limit times
-    velocity limit is beyond 100 W/kg of it, or where five joints or more have one limit beyond m g
-    L.
+    It is one beyond 3 m g L of the whole robot, where limit times velocity limit exceeds 100 W/kg
+    of it, or where five turning joints or more have one limit beyond m g L.
     """
     # Turning joints with an effort limit -> it, N m, and the velocity limit, rad/s
     turning = {

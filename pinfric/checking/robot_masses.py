@@ -1,8 +1,8 @@
 """Implausible masses of a robot as a whole: one finding for all links, with the unit it explains.
 
-Thresholds are those of 484 public URDFs and the printed masses of about 100 robots: but for hands
-and legs no rule speaks of a robot with its maker's masses. These rules need the file; what every
-command asks of a robot's mass is in `model.total_mass`.
+Thresholds are those of 484 public URDFs and the printed masses of about 100 robots: no rule
+contradicts a maker's masses, but for some hands and legs. What needs no file is in
+`model.total_mass`.
 """
 
 from __future__ import annotations

@@ -135,7 +135,7 @@ def read_limits(scene: Scene, limits: LimitsLike) -> tuple[DriveLimits, ...]:
     Args:
         limits: drive name -> `DriveLimits`, a mapping as in `MotorsFile.drives`, a `Candidate` or
             the name of a drive of the bundled catalogue ("motor + gear"); such a file;
-            "default:NAME" for the same drive everywhere; None: effort and velocity of the URDF.
+            "default:NAME" for all drives; None: effort and velocity of the URDF.
 
     Raises:
         RetimeError: no limits for a drive, or none of its torque; a name that is not there.

@@ -109,7 +109,7 @@ class Path:
         Args:
             q: (m, nj) positions, one number per joint (rad or m).
             via: (m,) whether a point is passed without a stop; the first and last are stops.
-            holds: (m,) how long the robot stays at each point, s; 0 at via points.
+            holds: (m,) time at each point, s; 0 at via points.
             attached: (m, np) what is carried from each point on; None: as the scene says.
             source: name for messages.
 

@@ -147,7 +147,7 @@ class PathProblem:
 
         Args:
             s, piece: (m,) places. x, u: (m,) (ds/dt)^2 and d^2s/dt^2.
-            attached: (m, np) what is carried; None: what the pieces carry.
+            attached: (m, np) what is carried; None: by the pieces.
         """
         q, rate, bend = (np.empty((len(s), self.path.nj)) for _ in range(3))
         for p in np.unique(piece):

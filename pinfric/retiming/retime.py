@@ -1,8 +1,7 @@
 """`pf.retime`: the fastest motion that a robot's real drives can do along a path.
 
-Solve on a coarse grid, then on one that is even in time and in place, with every knot and every
-reversal; judge the inside of all intervals, and the samples, by `inverse_dynamics`, and refine
-where a limit is exceeded.
+Solve on a coarse grid, then on one that is even in time and in place, with every knot and reversal;
+judge all intervals and samples by `inverse_dynamics`, and refine where a limit is exceeded.
 """
 
 from __future__ import annotations
@@ -68,16 +67,15 @@ class RetimeResult(Shown):
         duration: s, holds included. moves: (pieces,) of each, s.
         before: duration of the motion that the path comes from, s; None: it had no times.
         limiting: drive -> limit -> part of the moving time in which more than 99.5 % are used; all
-            of it for a continuous torque, which holds back the whole cycle.
-        excess: the most by which a sample exceeds any limit, as a part of it (`inverse_dynamics`
-            judges); 0.001 is 0.1 %.
-        usage: (T, na, `limits.instant_limits`) which part of each limit each sample uses.
+            of it for a continuous torque.
+        excess: largest excess of a sample over any limit, as a part of it (0.001: 0.1 %).
+        usage: (T, na, `limits.instant_limits`) used part of each limit.
         problem, profile: the grid with its limits, and the speed on it.
-        rms: (na,) part of its continuous torque that each motor uses over the whole cycle; None
-            where heat is not judged.
+        rms: (na,) used part of each motor's continuous torque over the whole cycle; None where heat
+            is not judged.
         uniform: s, duration if the whole motion were slowed down until these torques are kept; None
             as `rms`.
-        smooth: s, of the moving mean; each move takes so much longer by it.
+        smooth: s, of the moving mean, by which each move takes longer.
         criteria: drive -> what `size` says of a drive of the catalogue that does this motion.
         notes: what is exceeded or was not judged, in sentences.
     """
@@ -274,8 +272,8 @@ class _Retiming:
     def smoothed(self, result: RetimeResult, points: int, heat: bool) -> RetimeResult:
         """Tighten the limits where smoothing exceeds them; if that does not do, go more slowly.
 
-        A smoothed sample has the mean speed and acceleration of a time, at one place: where the
-        path bends it needs more than any of them.
+        A smoothed sample has a time's mean speed and acceleration at one place: where the path
+        bends it needs more than any of them.
         """
         best = result
         for _ in range(_ROUNDS):
