@@ -53,7 +53,7 @@ class LinkedSamples(NamedTuple):
         effort: (n, na, 1 + ne), of the drives (N m or N).
         y: (n, ny, 1 + ne), off-joint efforts, then multipliers.
         contact: (n, nt, 1 + ne, 3), weighted contact forces of the bearings (N m or N).
-        singular: (n,) bool: the drives cannot balance the load here, or the closure changes rank.
+        singular: (n,) bool: the drives cannot balance the load, or the closure changes rank.
     """
 
     wrench: np.ndarray
@@ -75,15 +75,14 @@ def link_samples(
     part: slice,
     threads: int,
 ) -> tuple[LinkedSamples, list[np.ndarray]]:
-    """Return a batch as functions of the friction, and the motion of what the drives move.
+    """Return a batch, and the velocities and accelerations (m, na) of what the drives move.
 
-    Velocities and accelerations (m, na) are those of the samples `states.around` the batch.
+    These are of the samples `states.around` the batch.
 
     Args:
         argument, scene: the plan of inverse dynamics, and the scene with its loops.
-        twin: with the payloads of this batch.
         states, applied: of all samples.
-        part: the samples of this batch.
+        twin, part: of this batch.
         threads: of Pinocchio.
 
     Raises:
@@ -142,7 +141,7 @@ def site_reversals(plan: Plan, velocity: np.ndarray) -> np.ndarray:
     stick velocity; of the two samples the slower one is marked (the earlier if equal).
 
     Args:
-        velocity: (n, ne), along the friction coordinates.
+        velocity: (n, ne), see `LinkedSamples`.
     """
     stick = plan.sites.laws.stick_velocity
     marked = reversals(np.ascontiguousarray(velocity[:, plan.sites.first_entry]), stick)
@@ -164,8 +163,7 @@ def loop_wrenches(linkage: Linkage, X: np.ndarray, solved: np.ndarray) -> np.nda
     """Return the multipliers (n, number of loops, 6) as wrenches of a on b in frame b.
 
     Args:
-        linkage: with the loops.
-        X: (n, nj + number of pairs, 6, nx), `kinematics.act_on_joints`.
+        linkage: with the loops. X: of `LinkedSamples`.
         solved: (n, ny) efforts off the joints and multipliers.
     """
     first, rows = X.shape[1] - len(linkage.pair_kind), linkage.lambdas

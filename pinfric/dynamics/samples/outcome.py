@@ -58,18 +58,18 @@ class SolvedMotion:
         effort_lower, effort_upper: (T, na) what each drive must deliver at its joint; equal where
             everything on it slides.
         effort_frictionless: (T, na) the same without friction.
-        motor_torque_lower, motor_torque_upper: (T, na) at the motors' shafts (N m; for an ideal
-            drive without a transmission: the effort itself).
-        joint_effort_lower, joint_effort_upper: (T, na) the same seen from the joint, ratio x
-            motor_torque: all that a torque command there contains.
+        motor_torque_lower, motor_torque_upper: (T, na) at the motors' shafts (N m; without a
+            transmission the effort itself).
+        joint_effort_lower, joint_effort_upper: (T, na) ratio x motor_torque: all that a torque
+            command at the joint contains.
         sticking: (T, ns) the site's speed is at most its stick velocity.
         reversal: (T, ns) the site passes through rest next to this sample.
         normal_load: (T, ns) load c of its bearing (N m about its axis, N along it).
         friction_lower, friction_upper: (T, ns) friction of the parent on the child, along the
             joint's positive direction.
         wrench: (T, ns, 6) force and moment the parent transmits to the child, in the child's joint
-            frame, linear first; None if nothing in the scene depends on reactions
-            (`joint_wrenches` gives them for any scene).
+            frame, linear first; None if nothing in the scene depends on reactions (then see
+            `joint_wrenches`).
         iterations: (T,) passes of the coupled solve; 0 in an open chain with joint drives.
         contraction: (T,) its certificate: below 1 the solution is unique; 0 without coupling.
         status: (T,) `Status`.
@@ -79,15 +79,14 @@ class SolvedMotion:
             sticks, or a sample has several solutions; and, with loops, cylinders or forces, where
             something sticks and a joint has no drive: there they are bounds, since friction
             balances that joint, too.
-        interval_searched: (T,) so many sites stick that the ends are the best of a search: they may
-            be too narrow.
-        redundant: the loops have redundant constraints; of all reactions those with the least sum
-            of |F|^2 + |M/l|^2 over all joints are returned.
+        interval_searched: (T,) many sites stick, and the ends, of a search, may be too narrow.
+        redundant: the loops have redundant constraints; the reactions are those with the least sum
+            of |F|^2 + |M/l|^2 over all joints.
         actuator_velocity, actuator_acceleration: (T, na) of what each drive moves (rad/s or m/s,
             and per second).
 
-    With loops, cylinders or forces, wrenches, multipliers and loads depend on friction. At samples
-    where joints stick, they are those of the state in which these joints have no friction.
+    With loops, cylinders or forces, wrenches, multipliers and loads depend on friction: where
+    joints stick, they are those without friction in these joints.
     """
 
     scene: Scene

@@ -300,7 +300,7 @@ class EventIntegration(Integration):
         First with slip of what broke away; where that has no solution, without.
 
         Args:
-            fired: which coordinates.
+            fired: (nc,) which.
         """
         ws, modes = self.ws, self.ws.modes
         before = modes.copy()

@@ -81,8 +81,8 @@ class Energy:
     """Energy balance, J: work = change + sum(friction_loss) + sum(gear_loss) + `residual`.
 
     Attributes:
-        work: of the drives' efforts; of the motors' torques where those were given.
-        change: of kinetic and potential energy, of rotors, too, where motors drive.
+        work: of the efforts or motor torques that were given.
+        change: of kinetic and potential energy, with the rotors' where motor torques were given.
         friction_loss: (ns,) heat at each site.
         gear_loss: (na,) heat in each gear and its motor; 0 where efforts were given.
         residual: the error of the integration.
@@ -116,8 +116,7 @@ class Motion(Shown):
         evaluations: right-hand sides computed.
         carried: names of the payloads carried; None: those attached by default.
         motor_torque: (T, na) N m at the motors' shafts; None: efforts were given.
-        unproved: times (s) from which the modes are one answer that was found, and others may exist
-            (`Instant.answers` 0).
+        unproved: times (s) from which other modes may obey the laws, too (`Instant.answers` 0).
         dense: the integrator's polynomials; None where there are none.
     """
 

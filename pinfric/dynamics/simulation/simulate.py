@@ -67,12 +67,12 @@ class Numbers(TypedDict, total=False):
     Attributes:
         rtol, atol: tolerances of `event` and `regularized` (rad, m, and per second); 1e-8, 1e-10.
         dt: step of `timestepping` (s); 1e-3.
-        control_period: of all methods (s); the effort is asked once at each of t = 0, T, 2T ...
-            before t_end, in this order, and holds until the next: a digital controller. None: it is
-            asked wherever the method needs it. `timestepping` shortens `dt` to divide it.
-        sample_step: time between samples of all methods (s); None gives 1001 samples, of less
-            than 10 ms one every 10 us, at least 11. `event` adds one at every event;
-            `timestepping` takes the nearest step.
+        control_period: of all methods (s); the effort is asked at t = 0, T, 2T ... before t_end, in
+            this order, and holds until the next: a digital controller. None: it is asked wherever
+            the method needs it. `timestepping` shortens `dt` to divide it.
+        sample_step: time between samples (s); None gives 1001 samples, of less than 10 ms one every
+            10 us, at least 11. `event` adds one at every event; `timestepping` takes the nearest
+            step.
         max_step: longest step of `event` and `regularized` (s); None gives t_end / 4, or t_end / 50
             for an effort function: a change that lasts less than a sixth of it may be missed.
         regularization_velocity: of `regularized` (rad/s or m/s); 1e-3.
