@@ -151,10 +151,8 @@ def _react(
         at_sites: (n, ns, 6), overwritten.
         threads: of Pinocchio.
     """
-    all_sites = len(scene.sites) == twin.n_joints
-    buffers = batch.first(part.stop - part.start)
-    if all_sites:  # every joint is a site: no second copy of its wrench
-        buffers = Batch(buffers.q, buffers.v, buffers.a, at_sites)
+    all_sites = len(scene.sites) == twin.n_joints  # then no second copy of their wrenches
+    buffers = batch.first(part.stop - part.start, at_sites if all_sites else None)
     reactions(twin, states.q[part], states.v[part], states.a[part], buffers, threads)
     subtract_external_wrenches(twin, applied, part, buffers)
     if not all_sites:

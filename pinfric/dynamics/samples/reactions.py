@@ -53,9 +53,10 @@ class Batch:
         shapes = (n, 7 * nj), (n, 6 * nj), (n, 6 * nj), (n, nj, 6)
         return cls(*(np.empty(shape) for shape in shapes))
 
-    def first(self, n: int) -> Batch:
-        """Return the buffers of the first `n` samples."""
-        return Batch(self.q[:n], self.v[:n], self.a[:n], self.wrench[:n])
+    def first(self, n: int, wrench: np.ndarray | None = None) -> Batch:
+        """Return the buffers of the first `n` samples, with wrenches in `wrench` where given."""
+        wrench = self.wrench[:n] if wrench is None else wrench
+        return Batch(self.q[:n], self.v[:n], self.a[:n], wrench)
 
 
 def joint_wrenches(
@@ -95,8 +96,7 @@ def state_wrenches(
         twin = scene.twin(carried)
         batch = Batch.of(twin, min(stop - start, batch_size(threads)))
         for part in slices(start, stop, batch_size(threads)):
-            buffers = batch.first(part.stop - part.start)
-            buffers = Batch(buffers.q, buffers.v, buffers.a, out[part])
+            buffers = batch.first(part.stop - part.start, out[part])
             reactions(twin, states.q[part], states.v[part], states.a[part], buffers, threads)
             subtract_external_wrenches(twin, applied, part, buffers)
     return out
@@ -129,9 +129,8 @@ def rigid_efforts(
     wrench, effort = np.empty((len(q), twin.n_joints, 6)), np.empty(v.shape)
     batch = Batch.of(twin, min(len(q), batch_size(1)))
     for part in slices(0, len(q), batch_size(1)):
-        first = batch.first(part.stop - part.start)
-        reactions(twin, q[part], v[part], a[part], first, 1)
-        wrench[part] = first.wrench
+        buffers = batch.first(part.stop - part.start, wrench[part])
+        reactions(twin, q[part], v[part], a[part], buffers, 1)
     project(wrench, twin.embedding, twin.armature, a, effort)
     return wrench, effort
 
