@@ -12,7 +12,7 @@ from friction_cases import (
 from scipy.optimize import linprog
 
 from pinfric.friction.rest import Mechanism
-from pinfric.friction.search import PossibleWays
+from pinfric.friction.ways import PossibleWays
 
 pytestmark = pytest.mark.usefixtures("interpreted_kernels")
 
@@ -55,12 +55,12 @@ def test_the_ways_to_slip_are_those_that_linear_programs_allow(freedoms, seed, m
     p.rate_scale[:] = np.abs(p.rate_free) + 1.0
     at_rest = np.ones(5, bool)
     kinematics = PossibleWays(p, a_mechanism(A), at_rest)
-    others = [i for i in range(5) if i not in forced]
     weak = np.array([forced.get(i, 0.0) for i in range(5)])
-    for level in range(len(others) + 1):
+    levels = list(kinematics.levels(forced))
+    assert len(levels) == 6 - len(forced)
+    for level, all_ways in enumerate(levels):
         yielded = [
-            tuple(ways.get(i, 0.0) for i in range(5))
-            for ways in kinematics.ways(others, level, forced)
+            tuple(0.0 if i in forced else ways.get(i, 0.0) for i in range(5)) for ways in all_ways
         ]
         assert len(set(yielded)) == len(yielded)
         for signs in itertools.product((0.0, 1.0, -1.0), repeat=5):
