@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from pinfric.friction.problem import Modes, Problem
-from pinfric.friction.rest import Mechanism
+from pinfric.friction.rest import Mechanism, connected
 
 
 class Island(NamedTuple):
@@ -48,19 +48,6 @@ def split(problem: Problem, modes: Modes, mechanism: Mechanism) -> list[Island]:
     linked |= np.equal.outer(mechanism.block, mechanism.block)
     parts = connected(linked)
     return [_part(problem, modes, mechanism, c) for c in parts] if len(parts) > 1 else []
-
-
-def connected(linked: np.ndarray) -> list[np.ndarray]:
-    """Return the connected parts of what is linked (n, n), each in ascending order."""
-    linked, parts = linked | linked.T | np.eye(len(linked), dtype=bool), list[np.ndarray]()
-    left = np.ones(len(linked), dtype=bool)
-    while left.any():
-        here = linked[np.argmax(left)]
-        while (wider := linked[here].any(axis=0)).sum() > here.sum():
-            here = wider
-        left &= ~here
-        parts.append(np.flatnonzero(here))
-    return parts
 
 
 def _part(problem: Problem, modes: Modes, mechanism: Mechanism, c: np.ndarray) -> Island:

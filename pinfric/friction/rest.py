@@ -40,6 +40,19 @@ from pinfric.friction.sharing import Group, joint_sizes, share, share_one
 _PASSES = 400
 
 
+def connected(linked: np.ndarray) -> list[np.ndarray]:
+    """Return the connected parts of what is linked (n, n), each in ascending order."""
+    linked, parts = linked | linked.T | np.eye(len(linked), dtype=bool), list[np.ndarray]()
+    remain = np.ones(len(linked), dtype=bool)
+    while remain.any():
+        here = linked[np.argmax(remain)]
+        while (wider := linked[here].any(axis=0)).sum() > here.sum():
+            here = wider
+        remain &= ~here
+        parts.append(np.flatnonzero(here))
+    return parts
+
+
 @dataclass(eq=False)
 class Mechanism:
     """The coupling of the coordinates of a `Problem`.
@@ -101,15 +114,9 @@ class Mechanism:
         together = np.abs(A.T @ A) > RANK
         together |= np.equal.outer(self.block[held], self.block[held])
         groups = []
-        left = np.ones(len(held), dtype=bool)
-        while left.any():
-            group = np.zeros(len(held), dtype=bool)
-            group[np.argmax(left)] = True
-            while (wider := together[group].any(axis=0) | group).sum() > group.sum():
-                group = wider
-            left &= ~group
+        for group in connected(together):
             rank = np.linalg.matrix_rank(A[:, group], rtol=RANK)
-            if self.ball[held[group]].any() or rank < group.sum():
+            if self.ball[held[group]].any() or rank < len(group):
                 groups.append(held[group])
         return groups
 
@@ -180,51 +187,47 @@ def solve_modes(
     """
     if chosen:
         hold_chosen(problem, modes)
-    if not mechanism.closed:
-        return _apart(problem, modes, chosen)
-    solutions, obeying = _together(problem, modes, mechanism, chosen)
-    ways = list(ways_to_hold(problem, modes)) if modes.effort.size and not obeying else []
+    solutions, obeying = _solve_held(problem, modes, mechanism, chosen)
+    more = mechanism.closed and modes.effort.size > 0 and not obeying
+    ways = list(ways_to_hold(problem, modes)) if more else []
     for efforts in ways if len(ways) > 1 else ():
         modes.effort[:] = efforts
         hold_chosen(problem, modes)
-        solutions, obeying = _together(problem, modes, mechanism, chosen, within=True)
+        solutions, obeying = _solve_held(problem, modes, mechanism, chosen, within=True)
         if obeying:
             break
     return solutions, obeying
 
 
-def _apart(problem: Problem, modes: Modes, chosen: bool) -> tuple[int, int]:
-    """`solve_modes` where no friction is shared."""
-    solutions, obeying = try_modes(problem, modes, chosen)
-    if solutions <= 0:
-        modes.friction[:1] = np.nan  # what is there is no guess for the next solve
-    return int(solutions), int(obeying)
-
-
-def _together(
+def _solve_held(
     problem: Problem, modes: Modes, mechanism: Mechanism, chosen: bool, within: bool = False
 ) -> tuple[int, int]:
-    """`solve_modes` of a mechanism, with the intervals that gears at rest hold as they are.
+    """`solve_modes` with the intervals that gears at rest hold as they are.
 
     `within`: friction is counted from within them, not from their ends.
     """
     for _ in range(MOST_PASSES):
-        lines, rows = lines_and_rows(problem, modes)
-        made = without_gears(problem, modes, rows, within)
-        if made is None:
-            return 0, 0
-        plain, of_y = made
-        mechanism.slope = None if plain is problem else plain.rate_slope
-        groups = mechanism.groups(modes.stuck)
+        groups = list[Group]()
+        if mechanism.closed:
+            lines, rows = lines_and_rows(problem, modes)
+            without = without_gears(problem, modes, rows, within)
+            if without is None:
+                return 0, 0
+            plain, of_y = without
+            mechanism.slope = None if plain is problem else plain.rate_slope
+            groups = mechanism.groups(modes.stuck)
         if not groups:
-            solutions, obeying = _apart(problem, modes, chosen)
-            mechanism.way[:] = np.where(modes.stuck, -np.sign(modes.friction), modes.direction)
-            return solutions, obeying
-        step = _Shared(problem, plain, of_y, modes, mechanism, groups)
-        solutions, obeying, left, changed = step.converge(lines)
-        if solutions > 0 and chosen and left:
+            solutions, obeying = try_modes(problem, modes, chosen)
+            if solutions <= 0:
+                modes.friction[:1] = np.nan  # what is there is no guess for the next solve
+            if mechanism.closed:
+                mechanism.way[:] = np.where(modes.stuck, -np.sign(modes.friction), modes.direction)
+            return int(solutions), int(obeying)
+        shared = _Shared(problem, plain, of_y, modes, mechanism, groups)
+        solutions, obeying, off_lines, changed = shared.solve(lines)
+        if solutions > 0 and chosen and off_lines:
             return 0, 0
-        if solutions <= 0 or not left + changed:
+        if solutions <= 0 or not off_lines + changed:
             return solutions, obeying
     return -1, 0
 
@@ -263,9 +266,10 @@ class _Shared:
         self.weakest: list[np.ndarray | None] = [None] * len(groups)
         self.sharp = 4e-15 if all(len(A) == 1 for _, _, A in self.groups) else 1e-9
 
-    def converge(self, lines: np.ndarray) -> tuple[int, int, int, int]:
+    def solve(self, lines: np.ndarray) -> tuple[int, int, int, int]:
         """(number of solutions or -1, how many obey), and what `fit` returns of lines (ng, 4)."""
-        modes, start = self.modes, np.zeros(len(self.modes.stuck))
+        modes, stuck, start = self.modes, self.modes.stuck, np.zeros(len(self.modes.stuck))
+        # 1. the fixed point, with limits that follow loads if it is found so
         if self.sharp < 1e-12 and np.isfinite(modes.friction).all():
             start[:] = modes.friction  # exact whatever it starts from
         x, passes = anderson(self, start, self.sharp)
@@ -278,27 +282,30 @@ class _Shared:
             modes.friction[:1] = np.nan
             return 0, 0, 0, 0
         self.write(self.image(start) if x is None else x)
-        held = (x is None or self.is_beyond()) and self._holds_otherwise()
-        left, changed = fit(self.given, modes, lines, True)
+        # 2. beyond limits another friction may hold, unless a ball's limit is a sphere or what
+        # slides has friction that loads decide
+        stick_limits(self.problem, modes.load, self.least, self.most)
+        beyond = x is None or any(
+            self._against_limits(group)[2].any() for group, _, _ in self.groups
+        )
+        held = False
+        if beyond and not self.mechanism.ball[stuck].any() and not self.gain.any():
+            p, moving = self.plain, self.offset
+            if moving.any():
+                contact = p.contact.copy()
+                contact[:, 0] += np.einsum("tce,c->te", p.contact[:, 1:], moving)
+                p = p._replace(rate_free=p.rate_free + p.rate_slope @ moving, contact=contact)
+            verdict = decide(p, self.mechanism.factor, stuck, slope=self.mechanism.slope)
+            if verdict.held:
+                held = True
+                self.write(verdict.friction + moving)
+        # 3. what breaks its law
+        off_lines, changed = fit(self.given, modes, lines, True)
         broken = self.judge()
         if x is None and not held:  # beyond its limits friction may grow without bound: breaks away
             modes.friction[:1] = np.nan
             return (1 if broken else -1), 0, 0, 0
-        return 1, int(broken == 0), left, changed
-
-    def _holds_otherwise(self) -> bool:
-        """Take the friction that holds what rests; False: there is none, or none is looked for."""
-        p, moving, stuck = self.plain, self.offset, self.modes.stuck
-        if self.mechanism.ball[stuck].any() or self.gain.any():
-            return False  # a ball's limit is a sphere; what slides has friction that loads decide
-        if moving.any():
-            contact = p.contact.copy()
-            contact[:, 0] += np.einsum("tce,c->te", p.contact[:, 1:], moving)
-            p = p._replace(rate_free=p.rate_free + p.rate_slope @ moving, contact=contact)
-        verdict = decide(p, self.mechanism.factor, stuck, slope=self.mechanism.slope)
-        if verdict.held:
-            self.write(verdict.friction + moving)
-        return bool(verdict.held)
+        return 1, int(broken == 0), off_lines, changed
 
     def write(self, y: np.ndarray) -> None:
         """Write the friction of a solution, its loads and rates."""
@@ -323,9 +330,9 @@ class _Shared:
             if not len(A):  # what cannot move at all needs no friction
                 new[group] = self.push[group] = 0.0
                 continue
-            b, left = each.needs(rate[group])
+            b, residual = each.needs(rate[group])
             terms = p.rate_scale[group] + np.abs(p.rate_slope[group]) @ np.abs(new)
-            if (left > FITS * terms.max() + 1e-300).any():
+            if (residual > FITS * terms.max() + 1e-300).any():
                 self.possible = False
                 return np.full(len(x), np.nan)
             towards = A.T @ b
@@ -361,11 +368,6 @@ class _Shared:
                 over &= used >= (1.0 - 1e-3) * used[over].max()
             m.verdict[group] = np.where(over, np.where(way[group] < 0.0, -1, 1), 0)
         return int((m.verdict != 0).sum())
-
-    def is_beyond(self) -> bool:
-        """Whether a joint that shares friction has more than its limit."""
-        stick_limits(self.problem, self.modes.load, self.least, self.most)
-        return any(self._against_limits(group)[2].any() for group, _, _ in self.groups)
 
     def _against_limits(self, group: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Friction of each joint of a group, its limit, and whether it is beyond (not rounding)."""

@@ -31,9 +31,9 @@ from pinfric.friction.given_modes import (
     reduce_problem,
     solve_given_modes,
 )
-from pinfric.friction.islands import connected
 from pinfric.friction.law import add_load_slopes, write_loads
 from pinfric.friction.problem import Problem
+from pinfric.friction.rest import connected
 from pinfric.friction.several import from_many_starts
 from pinfric.kernels.arrays import array, make
 from pinfric.kernels.compiled import KernelArgument, inlined_kernel, kernel, record
