@@ -14,7 +14,7 @@ import numpy as np
 from pinfric.friction.balance import Balance
 from pinfric.friction.branching import MOST_NODES, prove
 from pinfric.friction.law import stick_limits
-from pinfric.friction.least_use import Rest, descend, make_rest
+from pinfric.friction.least_use import descend, make_rest
 from pinfric.friction.problem import Problem
 from pinfric.friction.sharing import joint_sizes, share
 
@@ -67,27 +67,34 @@ def decide(
     if balance is None:
         return Verdict(False, np.inf, np.full(len(at_rest), np.nan), True, True)
     narrow, wide, planar, certain = make_rest(problem, resting, balance)
-
-    def verdict(held: bool | None, proved: bool) -> Verdict:
-        use, shown = found, not z.size
-        if least and planar and z.size:
-            use, shown = _least(narrow if certain else wide, wide, z, found)
-        x = np.zeros(len(at_rest))
-        x[resting] = wide.unit * (wide.x0 + wide.N @ z)
-        return Verdict(held, use, x, proved, shown)
-
+    # 1. the search
     z = np.zeros(wide.N.shape[1])
-    found = float(descend(wide, z))
-    if found <= 1.0 or not z.size:
-        return verdict(found <= 1.0, True)
-    if not planar:
-        return verdict(None, False)
-    near = np.zeros_like(z)  # the end of the search says nothing about the size of the limits
-    outcome = prove(narrow, near, 1.0, _MARGIN, MOST_NODES)
-    if outcome == 1:
-        z, found = near, float(descend(wide, near))
-        return verdict(True, True)
-    return verdict(False if outcome == 0 else None, outcome == 0 and certain)
+    use = float(descend(wide, z))
+    held: bool | None = use <= 1.0
+    proved = held or not z.size
+    # 2. the proof that nothing holds; the end of the search says nothing about the limits' size
+    if not proved:
+        held, near = None, np.zeros_like(z)
+        outcome = prove(narrow, near, 1.0, _MARGIN, MOST_NODES) if planar else -1
+        if outcome == 1:
+            held, proved, z, use = True, True, near, float(descend(wide, near))
+        elif outcome == 0:
+            held, proved = False, certain
+    # 3. the least use
+    outcome = -1 if z.size else 0
+    if least and planar and z.size:
+        outcome = 0
+        while len(wide.owner) and use > 0.0:
+            near = z.copy()
+            box = narrow if use <= 1.0 else wide
+            below = use * (1.0 - 0.5 * LEAST)
+            outcome = prove(box, near, below, 0.5 * LEAST, _NODES_FOR_LEAST)
+            if outcome != 1:
+                break
+            z, use = near, float(descend(wide, near))
+    x = np.zeros(len(at_rest))
+    x[resting] = wide.unit * (wide.x0 + wide.N @ z)
+    return Verdict(held, use, x, proved, outcome == 0)
 
 
 def least_possible_use(
@@ -128,24 +135,3 @@ def least_possible_use(
     number = np.bincount(np.searchsorted(joints, block))[np.searchsorted(joints, block)]
     resistance = float((most * speed / number).sum())
     return float(balance.need @ w) / resistance if resistance > 0.0 else 0.0
-
-
-def _least(narrow: Rest, wide: Rest, z: np.ndarray, use: float) -> tuple[float, bool]:
-    """Lower the use at z (dz,) to the least, to `LEAST`; return it, and whether it is proved.
-
-    Args:
-        narrow: with a box that contains all frictions with a use of at most 1.
-        wide: with a box for a use above 1.
-        z: end of a search, overwritten.
-        use: at z.
-    """
-    outcome = 0
-    while len(wide.owner) and use > 0.0:
-        near = z.copy()
-        rest = narrow if use <= 1.0 else wide
-        outcome = prove(rest, near, use * (1.0 - 0.5 * LEAST), 0.5 * LEAST, _NODES_FOR_LEAST)
-        if outcome != 1:
-            break
-        z[:] = near
-        use = float(descend(wide, z))
-    return use, outcome == 0

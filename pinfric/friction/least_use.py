@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pinfric.friction.balance import Balance, Shared
+from pinfric.friction.balance import Balance
 from pinfric.friction.dense import spectral_radius_bound
 from pinfric.friction.law import add_load_slopes, contact_force, stick_limits, write_loads
 from pinfric.friction.minimax import least_violation
@@ -69,44 +69,6 @@ class Rest(NamedTuple):
     high: np.ndarray
 
 
-class StaticLimits(NamedTuple):
-    """Static limits of n coordinates by their friction, in N m and N.
-
-    Attributes:
-        above, below, owner: see `Rest`.
-        contact: (nf, 1 + n, 3) contact forces, times mu, as `Problem` has them.
-    """
-
-    above: np.ndarray
-    below: np.ndarray
-    owner: np.ndarray
-    contact: np.ndarray
-
-    @classmethod
-    def of(cls, problem: Problem, members: np.ndarray) -> StaticLimits:
-        """Take the limits of some coordinates (n,)."""
-        number = np.full(len(problem.rate_free), -1)
-        number[members] = np.arange(len(members))
-        below, above = np.empty((2, len(number)))
-        stick_limits(problem, problem.constant, below, above)
-        below, above = -below[members], above[members]
-        weight = problem.grip[problem.contact_entry]
-        owner = number[problem.coordinate[problem.contact_entry]]
-        limited = np.isfinite(np.minimum(above, below))[owner]
-        counts = np.flatnonzero((weight > 0.0) & (owner >= 0) & limited)
-        columns = np.concatenate([[0], 1 + members])
-        contact = problem.contact[counts][:, columns] * weight[counts, None, None]
-        return cls(above, below, owner[counts].astype(np.int64), np.ascontiguousarray(contact))
-
-    def at(self, x: np.ndarray) -> np.ndarray:
-        """Return the larger of both limits (n,) at x (n,), or the one that is finite."""
-        higher, lower = np.maximum(self.above, self.below), np.minimum(self.above, self.below)
-        out = np.empty(len(x))
-        constant = np.where(np.isfinite(higher), higher, lower)
-        write_loads(self.contact, self.owner, constant, x, out)
-        return out
-
-
 def make_rest(
     problem: Problem, members: np.ndarray, balance: Balance
 ) -> tuple[Rest, Rest, bool, bool]:
@@ -120,17 +82,57 @@ def make_rest(
         The arrays with a box beyond which no friction holds, if there is one; those with a wide
         box; and both answers.
     """
-    limits = StaticLimits.of(problem, members)
-    unlimited = np.isinf(np.maximum(limits.above, limits.below))
+    n = len(members)
+    # 1. static limits, and the contact forces of which they are functions: (nf, 1 + n, 3) by x
+    number = np.full(len(problem.rate_free), -1)
+    number[members] = np.arange(n)
+    below, above = np.empty((2, len(number)))
+    stick_limits(problem, problem.constant, below, above)
+    below, above = -below[members], above[members]
+    lower, higher = np.minimum(above, below), np.maximum(above, below)
+    unlimited, weight = np.isinf(higher), problem.grip[problem.contact_entry]
+    owner = number[problem.coordinate[problem.contact_entry]]
+    counts = np.flatnonzero((weight > 0.0) & (owner >= 0) & np.isfinite(lower)[owner])
+    owner = owner[counts].astype(np.int64)
+    by_x = problem.contact[counts][:, np.append(0, 1 + members)] * weight[counts, None, None]
+    by_x = np.ascontiguousarray(by_x)
+    # 2. a friction in equilibrium, of the least sum of squared uses, and its limits as units
     slopes = np.diag(problem.rate_slope)[members]
     natural = problem.rate_scale[members] / np.where(slopes > 0.0, slopes, np.inf)
-    shared, x, unit = _units(limits, balance, unlimited, natural)
-    free = shared.free
-    of_z = np.zeros((1 + len(free), 1 + len(x)))  # (1, x) = (1, z) of_z
+    x, start = np.zeros(n), None
+    for _ in range(2):
+        unit = np.empty(n)
+        write_loads(by_x, owner, np.where(unlimited, lower, higher), x, unit)
+        # a gear that locks may have no limit one way, and 0 the other: neither is a unit
+        endless = np.isinf(unit) | (unlimited & (unit < natural))
+        unit[endless] = np.maximum(np.abs(x), natural)[endless]
+        unit = np.maximum(unit, _NOISE * natural)
+        positive = unit[unit > 0.0]
+        unit[unit == 0.0] = _NOISE * positive.max() if positive.size else 1.0
+        shared = balance.eliminate(unit, unlimited)
+        free = shared.free
+        if start is None:
+            uses = shared.N / unit[:, None]
+            uses[unlimited] = 0.0
+            z = -np.linalg.lstsq(uses * unit[free], shared.x0 / unit, rcond=None)[0]
+            start = shared.x0 + shared.N @ (unit[free] * z)
+        x = shared.x0 + shared.N @ start[free]
+    # 3. contact forces by z, in axes of their own
+    of_z = np.zeros((1 + len(free), 1 + n))  # (1, x) = (1, z) of_z
     of_z[0, 0], of_z[0, 1:], of_z[1:, 1:] = 1.0, x, (shared.N * unit[free]).T
-    contact = (of_z @ limits.contact) / unit[limits.owner, None, None]
+    contact = (of_z @ by_x) / unit[owner, None, None]
     axes, rank = _axes(contact)
-    box, certain, around = _box(limits, shared, unit, unlimited)
+    # 4. a box: what holds obeys |x| <= limit(0) + C |x|, unless friction can wedge itself; x that
+    # follows from others' is replaced by them
+    maps = by_x + shared.follow.T @ by_x[:, 1:]
+    maps[:, 1:] *= np.where(shared.follows, 0.0, unit)[:, None]
+    C = np.zeros((n, 1 + n))
+    np.add.at(C, owner, np.linalg.norm(maps, axis=2) / unit[owner, None])
+    C[:, 0] += np.where(unlimited, 0.0, higher) / unit
+    C[unlimited] = 0.0
+    certain = not C[:, 1:][:, unlimited & ~shared.follows].any()
+    certain = certain and spectral_radius_bound(C[:, 1:].copy(), np.empty(n)) < 1.0 - 1e-3
+    box = np.linalg.solve(np.eye(n) - C[:, 1:], C[:, 0]) if certain else np.zeros(n)
     least = np.maximum(_NOISE * shared.noise / unit, _LEAST_UNIT)
     uses = np.abs(x / unit)[~unlimited]
     wide = np.maximum(box, max(_WEDGED, 2.0 * float(uses.max(initial=0.0))))
@@ -140,23 +142,23 @@ def make_rest(
         unit=unit,
         x0=x / unit,
         N=np.ascontiguousarray(shared.N * (unit[free] / unit[:, None])),
-        above=limits.above / unit,
-        below=limits.below / unit,
+        above=above / unit,
+        below=below / unit,
         least=least,
         contact=np.ascontiguousarray(contact @ axes),
-        owner=limits.owner,
+        owner=owner,
         on_a_line=rank <= 1,
         box=wide,
         reach=wide[free],
         low=np.empty((len(rank), 3)),
         high=np.empty((len(rank), 3)),
     )
-    parts = around @ axes / unit[limits.owner, None, None]
+    maps = maps @ axes / unit[owner, None, None]
     return (
-        _boxed(rest, narrow, free, parts),
-        _boxed(rest, wide, free, parts),
+        _boxed(rest, narrow, free, maps),
+        _boxed(rest, wide, free, maps),
         bool((rank <= 2).all()),
-        certain,
+        bool(certain),
     )
 
 
@@ -172,59 +174,6 @@ def _axes(contact: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     rank = (values > _FLAT * np.maximum(values[:, :1], 1e-300)).sum(axis=1)
     axes[rank <= 1, :, 1:] = axes[rank <= 2, :, 2:] = 0.0
     return axes, rank
-
-
-def _units(
-    limits: StaticLimits, balance: Balance, unlimited: np.ndarray, natural: np.ndarray
-) -> tuple[Shared, np.ndarray, np.ndarray]:
-    """Solve a balance; return a friction (n,), of the least sum of squared uses, and units (n,).
-
-    Args:
-        limits, balance: of n coordinates.
-        unlimited: (n,) bool, what has no limit, at least one way.
-        natural: (n,) friction of the size of all that accelerates.
-    """
-    x, start = np.zeros(len(natural)), None
-    for _ in range(2):
-        unit = limits.at(x)
-        # a gear that locks may have no limit one way, and 0 the other: neither is a unit
-        endless = np.isinf(unit) | (unlimited & (unit < natural))
-        unit[endless] = np.maximum(np.abs(x), natural)[endless]
-        unit = np.maximum(unit, _NOISE * natural)
-        some = unit[unit > 0.0]
-        unit[unit == 0.0] = _NOISE * some.max() if some.size else 1.0
-        shared = balance.eliminate(unit, unlimited)
-        if start is None:
-            uses = shared.N / unit[:, None]
-            uses[unlimited] = 0.0
-            z = -np.linalg.lstsq(uses * unit[shared.free], shared.x0 / unit, rcond=None)[0]
-            start = shared.x0 + shared.N @ (unit[shared.free] * z)
-        x = shared.x0 + shared.N @ start[shared.free]
-    return shared, x, unit
-
-
-def _box(
-    limits: StaticLimits, shared: Shared, unit: np.ndarray, unlimited: np.ndarray
-) -> tuple[np.ndarray, bool, np.ndarray]:
-    """Bound the frictions that hold, |x| <= limit(0) + C |x|; return whether that is a bound, too.
-
-    Returns:
-        (n,) the bound; whether there is one: whether friction cannot wedge itself; (nf, 1 + n, 3)
-        the contact forces by all frictions but those that follow from others.
-    """
-    n, endless = len(unit), unlimited & ~shared.follows
-    maps = limits.contact + shared.follow.T @ limits.contact[:, 1:]
-    maps[:, 1:] *= np.where(shared.follows, 0.0, unit)[:, None]
-    loads = np.linalg.norm(maps, axis=2)  # (nf, 1 + n)
-    C = np.zeros((n, 1 + n))
-    np.add.at(C, limits.owner, loads / unit[limits.owner, None])
-    higher = np.where(unlimited, 0.0, np.maximum(limits.above, limits.below))
-    C[:, 0] += higher / unit
-    C[unlimited] = 0.0
-    certain = not C[:, 1:][:, endless].any()
-    certain = certain and spectral_radius_bound(C[:, 1:].copy(), np.empty(n)) < 1.0 - 1e-3
-    box = np.linalg.solve(np.eye(n) - C[:, 1:], C[:, 0]) if certain else np.zeros(n)
-    return box, bool(certain), maps
 
 
 def _boxed(rest: Rest, box: np.ndarray, free: np.ndarray, maps: np.ndarray) -> Rest:
