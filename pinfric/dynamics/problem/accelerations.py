@@ -49,32 +49,12 @@ def carry(tree: Tree, k: PinocchioData, j: int, s: Vector6) -> Vector6:
 
 
 @kernel
-def _move_freedoms(machine: Machine) -> None:
-    """Write motion and momentum of every freedom."""
-    tree, k = machine.tree, machine.pinocchio
-    R, p, S, A = k.R[1:], k.p[1:], machine.kinematics.motion, machine.kinematics.momentum
-    twist, first = tree.twist, tree.first_freedom
-    for j in range(tree.parent.size):
-        for f in range(first[j], first[j + 1]):
-            for r in range(3):
-                S[f, r] = S[f, 3 + r] = 0.0
-                for c in range(3):
-                    S[f, r] += R[j, r, c] * twist[f, c]
-                    S[f, 3 + r] += R[j, r, c] * twist[f, 3 + c]
-            S[f, 0] += p[j, 1] * S[f, 5] - p[j, 2] * S[f, 4]
-            S[f, 1] += p[j, 2] * S[f, 3] - p[j, 0] * S[f, 5]
-            S[f, 2] += p[j, 0] * S[f, 4] - p[j, 1] * S[f, 3]
-            s = S[f, 0], S[f, 1], S[f, 2], S[f, 3], S[f, 4], S[f, 5]
-            A[f, 0], A[f, 1], A[f, 2], A[f, 3], A[f, 4], A[f, 5] = carry(tree, k, j, s)
-
-
-@kernel
 def write_mass_matrix(machine: Machine) -> None:
-    """Write M = S^T I S + armature.
+    """Write M = S^T I S + armature, rotors included.
 
     `data.M` is wrong where joints are not numbered depth first.
     """
-    t, M = machine.tree, machine.maps.M
+    t, M, drives = machine.tree, machine.maps.M, machine.kinematics.S
     S, A = machine.kinematics.motion, machine.kinematics.momentum
     first, velocity = t.first_freedom, t.freedom_velocity
     for i in range(M.shape[0]):
@@ -92,6 +72,12 @@ def write_mass_matrix(machine: Machine) -> None:
                     if f != g:
                         M[velocity[g], velocity[f]] += total
                 i = t.parent[i]
+    for d in range(drives.shape[0]):
+        armature = machine.rotors.inertia[d]
+        for j in range(M.shape[0] if armature != 0.0 else 0):
+            if armature * drives[d, j] != 0.0:
+                for k in range(M.shape[0]):
+                    M[j, k] += armature * drives[d, j] * drives[d, k]
 
 
 @kernel
@@ -133,15 +119,6 @@ def _relate_frames(machine: Machine) -> None:
         k.tilt,
         k.terms,
     )
-
-
-@kernel
-def _move_pairs(machine: Machine) -> None:
-    """Write how the frames of all pairs are related, and what actions do to joints."""
-    k = machine.kinematics
-    if k.tilt.size > 0:
-        _relate_frames(machine)
-        act_on_joints(k.p, k.R, machine.plan.closure.actions, k.X, k.J)
 
 
 @kernel
@@ -189,24 +166,6 @@ def is_exact(machine: Machine, q: np.ndarray) -> bool:
 
 
 @kernel
-def _write_rates(machine: Machine, v: np.ndarray) -> None:
-    """Write D, S and the relative velocity of every coordinate."""
-    k, drive = machine.kinematics, machine.plan.drives.action
-    action = machine.plan.coordinates.action
-    D, S, J, rate = k.D, k.S, k.J, k.coordinate_rate
-    for c in range(action.size):
-        rate[c] = 0.0
-        for i in range(v.size):
-            if action[c] >= 0:
-                D[c, i] = J[0, action[c], i]
-            rate[c] += D[c, i] * v[i]
-    for d in range(drive.size):
-        if drive[d] >= 0:
-            for i in range(v.size):
-                S[d, i] = J[0, drive[d], i]
-
-
-@kernel
 def write_laws(machine: Machine, step: float) -> None:
     """Write the law of every site's entry at its present speed (see `laws`).
 
@@ -249,15 +208,46 @@ def ball_speed(coordinates: Coordinates, rate: np.ndarray, c: int) -> float:
 
 @kernel
 def relate(machine: Machine, v: np.ndarray) -> None:
-    """Write rates, D and S at a state of which only poses and velocities are known."""
-    _move_pairs(machine)
-    _write_rates(machine, v)
+    """Write pairs, D, S and the relative velocity of every coordinate; poses are known."""
+    k, drive = machine.kinematics, machine.plan.drives.action
+    action = machine.plan.coordinates.action
+    D, S, J, rate = k.D, k.S, k.J, k.coordinate_rate
+    # 1. how the frames of all pairs are related, and what actions do to joints
+    if k.tilt.size > 0:
+        _relate_frames(machine)
+        act_on_joints(k.p, k.R, machine.plan.closure.actions, k.X, J)
+    # 2. D and its rates
+    for c in range(action.size):
+        rate[c] = 0.0
+        for i in range(v.size):
+            if action[c] >= 0:
+                D[c, i] = J[0, action[c], i]
+            rate[c] += D[c, i] * v[i]
+    # 3. S
+    for d in range(drive.size):
+        if drive[d] >= 0:
+            for i in range(v.size):
+                S[d, i] = J[0, drive[d], i]
 
 
 @kernel
 def move(machine: Machine, v: np.ndarray) -> None:
-    """Write all quantities that depend only on the motion: joint motions, pairs and rates."""
-    _move_freedoms(machine)
+    """Write motion and momentum of every freedom, and what `relate` writes."""
+    tree, k = machine.tree, machine.pinocchio
+    R, p, S, A = k.R[1:], k.p[1:], machine.kinematics.motion, machine.kinematics.momentum
+    twist, first = tree.twist, tree.first_freedom
+    for j in range(tree.parent.size):
+        for f in range(first[j], first[j + 1]):
+            for r in range(3):
+                S[f, r] = S[f, 3 + r] = 0.0
+                for c in range(3):
+                    S[f, r] += R[j, r, c] * twist[f, c]
+                    S[f, 3 + r] += R[j, r, c] * twist[f, 3 + c]
+            S[f, 0] += p[j, 1] * S[f, 5] - p[j, 2] * S[f, 4]
+            S[f, 1] += p[j, 2] * S[f, 3] - p[j, 0] * S[f, 5]
+            S[f, 2] += p[j, 0] * S[f, 4] - p[j, 1] * S[f, 3]
+            s = S[f, 0], S[f, 1], S[f, 2], S[f, 3], S[f, 4], S[f, 5]
+            A[f, 0], A[f, 1], A[f, 2], A[f, 3], A[f, 4], A[f, 5] = carry(tree, k, j, s)
     relate(machine, v)
 
 
@@ -326,18 +316,6 @@ def _write_held(machine: Machine, d: int, g: int) -> None:
     for k in range(held.shape[0]):
         if held[k, 0] <= given <= held[k, 1]:
             p.coulomb_stick[e, 0], p.coulomb_stick[e, 1] = given - held[k, 0], held[k, 1] - given
-
-
-@kernel
-def add_armature(machine: Machine) -> None:
-    """Add the rotors' inertia to M."""
-    M, S = machine.maps.M, machine.kinematics.S
-    for d in range(S.shape[0]):
-        armature = machine.rotors.inertia[d]
-        for j in range(M.shape[0]):
-            if armature * S[d, j] != 0.0:
-                for k in range(M.shape[0]):
-                    M[j, k] += armature * S[d, j] * S[d, k]
 
 
 @kernel
@@ -523,17 +501,6 @@ def _find_dead_centres(machine: Machine, dead: np.ndarray) -> None:
 
 
 @kernel
-def _write_given(machine: Machine) -> None:
-    """Write S u, the generalized effort of the drives."""
-    given, S = machine.scratch.given, machine.kinematics.S
-    for i in range(given.size):
-        given[i] = 0.0
-    for d in range(S.shape[0]):
-        for i in range(given.size):
-            given[i] += S[d, i] * machine.rotors.arriving[d]
-
-
-@kernel
 def _add_drag(machine: Machine, step: float) -> None:
     """Let drag d act at the end of the step, d + c (v' - v): M + step D^T c D, given - D^T d.
 
@@ -588,15 +555,15 @@ def write_accelerations(
         maps.push,
     )
     nv, closed, rank = v.size, t.multipliers > 0, 0
-    motors = machine.plan.drives.gears.ratio.size > 0
-    if motors:
+    if machine.plan.drives.gears.ratio.size > 0:
         write_gears(machine, v, effort, step)
     else:
         machine.rotors.arriving[:] = effort
-    _write_given(machine)
+    given[:] = 0.0
+    for d in range(effort.size):
+        for i in range(nv):
+            given[i] += machine.kinematics.S[d, i] * machine.rotors.arriving[d]
     write_mass_matrix(machine)
-    if motors:
-        add_armature(machine)
     if step > 0.0:
         _add_drag(machine, step)
     if closed:

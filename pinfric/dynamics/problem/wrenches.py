@@ -199,48 +199,46 @@ def _accelerate(machine: Machine) -> None:
 
 
 @kernel
-def _write_tree_wrench(machine: Machine, row: int, j: int) -> None:
-    """Write w_j = f_j + W_j a (6, 1 + nc) of a joint of the tree, in its child's frame."""
-    k, G, R = machine.pinocchio, machine.maps.wrench, machine.pinocchio.R
-    above, below = machine.scratch.above, machine.scratch.below
-    x, y, z = k.p[1 + j, 0], k.p[1 + j, 1], k.p[1 + j, 2]
-    for n in range(G.shape[2]):
-        moves = (
-            above[j, n, 0],
-            above[j, n, 1],
-            above[j, n, 2],
-            above[j, n, 3],
-            above[j, n, 4],
-            above[j, n, 5],
-        )
-        fx, fy, fz, mx, my, mz = carry(machine.tree, k, j, moves)
-        fx, fy, fz = fx + below[j, n, 0], fy + below[j, n, 1], fz + below[j, n, 2]
-        mx += below[j, n, 3] - y * fz + z * fy
-        my += below[j, n, 4] - z * fx + x * fz
-        mz += below[j, n, 5] - x * fy + y * fx
-        for e in range(3):
-            a, b, c = R[1 + j, 0, e], R[1 + j, 1, e], R[1 + j, 2, e]
-            G[row, e, n] = a * fx + b * fy + c * fz
-            G[row, 3 + e, n] = a * mx + b * my + c * mz
-    for e in range(6):
-        G[row, e, 0] += k.force[1 + j, e]
-
-
-@kernel
 def _write_known_wrenches(machine: Machine) -> None:
-    """Write the required wrenches as maps of friction, without the multipliers' part."""
+    """Write the required wrenches as maps of friction, without the multipliers' part.
+
+    w_j = f_j + W_j a (6, 1 + nc) of a joint of the tree, in its child's frame.
+    """
     drives, joint = machine.plan.drives, machine.plan.contacts.joint
-    action = machine.plan.coordinates.action
-    G, X, delivered = machine.maps.wrench, machine.kinematics.X, machine.maps.delivered
-    nj, off_joints = machine.tree.mass.size, X.shape[3] > 0
+    k, G, X, delivered = (
+        machine.pinocchio,
+        machine.maps.wrench,
+        machine.kinematics.X,
+        machine.maps.delivered,
+    )
+    above, below, R, nj = machine.scratch.above, machine.scratch.below, k.R, machine.tree.mass.size
     _accelerate(machine)
     for row in range(joint.size):
         j = joint[row]
-        if j < nj:
-            _write_tree_wrench(machine, row, j)
-        else:
+        if j >= nj:
             G[row] = 0.0
-        if not off_joints:
+        for n in range(G.shape[2] if j < nj else 0):
+            x, y, z = k.p[1 + j, 0], k.p[1 + j, 1], k.p[1 + j, 2]
+            moves = (
+                above[j, n, 0],
+                above[j, n, 1],
+                above[j, n, 2],
+                above[j, n, 3],
+                above[j, n, 4],
+                above[j, n, 5],
+            )
+            fx, fy, fz, mx, my, mz = carry(machine.tree, k, j, moves)
+            fx, fy, fz = fx + below[j, n, 0], fy + below[j, n, 1], fz + below[j, n, 2]
+            mx += below[j, n, 3] - y * fz + z * fy
+            my += below[j, n, 4] - z * fx + x * fz
+            mz += below[j, n, 5] - x * fy + y * fx
+            for e in range(3):
+                a, b, c = R[1 + j, 0, e], R[1 + j, 1, e], R[1 + j, 2, e]
+                G[row, e, n] = a * fx + b * fy + c * fz
+                G[row, 3 + e, n] = a * mx + b * my + c * mz
+        for e in range(6 if j < nj else 0):
+            G[row, e, 0] += k.force[1 + j, e]
+        if X.shape[3] == 0:  # all acts on joints
             continue
         for d in range(drives.action.size):
             if drives.velocity_index[d] < 0:
@@ -248,30 +246,7 @@ def _write_known_wrenches(machine: Machine) -> None:
                     lever = X[0, j, e, drives.action[d]]
                     for n in range(G.shape[2]):
                         G[row, e, n] += lever * delivered[d, n]
-        add_friction(X[0, j], action, G[row])
-
-
-@kernel
-def _balance(machine: Machine, free: np.ndarray) -> int:
-    """Write multipliers as a map of friction, and their null space; return their rank.
-
-    Args:
-        machine: accelerations are written.
-        free: (nl, nl), overwritten: its first nl - rank columns (redundant closures).
-    """
-    t, maps, k = machine.plan.closure, machine.maps, machine.kinematics
-    M, D, a_map, given = maps.M, k.D, maps.acceleration, machine.scratch.given
-    nl, (nc, nv) = t.multipliers, D.shape
-    A = np.empty((nv, nl + 1 + nc))
-    for i in range(nv):
-        for r in range(nl):
-            A[i, r] = k.J[0, t.off_joint + r, i]
-        for n in range(1 + nc):
-            total = -given[i] if n == 0 else -D[n - 1, i]
-            for j in range(nv):
-                total += M[i, j] * a_map[j, n]
-            A[i, nl + n] = total
-    return solve_balance(A, t.scale, maps.multiplier, free)
+        add_friction(X[0, j], machine.plan.coordinates.action, G[row])
 
 
 @kernel
@@ -283,11 +258,19 @@ def write_wrenches(machine: Machine, q: np.ndarray) -> bool:
         q: (nq,).
     """
     t, maps, contacts = machine.plan.closure, machine.maps, machine.plan.contacts
-    nl = t.multipliers
+    M, D, J, given = maps.M, machine.kinematics.D, machine.kinematics.J, machine.scratch.given
+    nl, (nc, nv) = t.multipliers, D.shape
     _write_known_wrenches(machine)
     if nl > 0:
-        free = np.empty((nl, nl))
-        left = nl - _balance(machine, free)
-        X, free = machine.kinematics.X[0], free[:, :left].copy()
+        A, free = np.empty((nv, nl + 1 + nc)), np.empty((nl, nl))
+        for i in range(nv):
+            for r in range(nl):
+                A[i, r] = J[0, t.off_joint + r, i]
+            for n in range(1 + nc):
+                A[i, nl + n] = -given[i] if n == 0 else -D[n - 1, i]
+                for j in range(nv):
+                    A[i, nl + n] += M[i, j] * maps.acceleration[j, n]
+        ways = nl - solve_balance(A, t.scale, maps.multiplier, free)  # to share redundant ones
+        X, free = machine.kinematics.X[0], free[:, :ways].copy()
         add_reactions(t, contacts.joint, X, t.off_joint, free, maps.multiplier, maps.wrench)
     return write_contacts(machine.plan, q, maps.wrench, machine.problem.contact)
