@@ -1,9 +1,9 @@
-"""Friction: the coupled problem in which friction and reactions depend on each other.
+"""The coupled problem in which friction and reactions depend on each other.
 
 Takes: a `Problem`: loads as affine functions of friction, the laws, and where joints slide or rest.
 
 Steps: `search` tries modes of what rests; `rest` solves one of them, `given_modes` with its
-certificate, `sharing` where joints can only move together; `several` looks for all solutions.
+certificate, `sharing` where joints can only move together; `several` finds all solutions.
 `holding`, `least_use` and `branching` decide whether friction can hold a robot at rest.
 
 Gives: friction and mode of each joint, or that there is no solution, or several.

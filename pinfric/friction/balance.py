@@ -1,11 +1,8 @@
-"""The equilibrium of resting joints, solved for the friction that they are free to share.
+"""The equilibrium of resting joints, A x = b, solved as x = x_0 + N z.
 
-    A x = b, so x = x_0 + N z
-
-Limits of joints may differ by many decades, and rounding of the large would hide the small. So the
-equations are solved for the friction of the joints with the largest limits, joints without limit
-first (Gauss-Jordan with full pivoting, every column in its own unit); z is the friction of the
-joints with the smallest limits.
+Rounding of large limits would hide small ones. So z is the friction of the joints with the smallest
+limits; the others follow by Gauss-Jordan elimination with full pivoting, those without limit first,
+every column in its own unit.
 """
 
 from __future__ import annotations
@@ -29,8 +26,8 @@ class Shared(NamedTuple):
         x0: (n,), zero where `free`. N: (n, dz), one where `free`.
         free: (dz,) int, the coordinates whose friction z is.
         noise: (n,) size of the terms that x0 is the sum of; 0 where `free`.
-        follow: (n, 1 + n) x of those coordinates without limit that follows from the others' x, as
-            follow[:, 0] + follow[:, 1:] x; zero rows for all others.
+        follow: (n, 1 + n) x of coordinates without limit by the others' x, follow (1, x); else
+            zero.
         follows: (n,) bool, which coordinates these are.
     """
 
@@ -66,7 +63,7 @@ class Balance(NamedTuple):
     Attributes:
         rows: (d, n) A, of rank d.
         need: (d,) b.
-        terms: (d,) size of the terms that b is the sum of: what is small beside it is rounding.
+        terms: (d,) size of the terms that b is the sum of, the scale for rounding.
     """
 
     rows: np.ndarray
@@ -129,7 +126,7 @@ class Balance(NamedTuple):
 
 
 def _largest(rows: np.ndarray) -> np.ndarray:
-    """Return the largest magnitude of each row (m, n), 1 where all are zero; (m, 1)."""
+    """Return the largest magnitude of each row (m, n), or 1; (m, 1)."""
     most = np.abs(rows).max(axis=1, initial=0.0, keepdims=True)
     return np.where(most > 0.0, most, 1.0)
 
@@ -141,7 +138,7 @@ def _eliminate(
 
     Args:
         T: (d, >= n), overwritten.
-        rows: which have no pivot yet; those that get one are taken out.
+        rows: without a pivot; those that get one are taken out.
         columns: which may get one.
         unit: (n,) of the columns.
         least: pivots up to this size, in these units, are zero.

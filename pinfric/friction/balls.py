@@ -18,10 +18,12 @@ _SWEEPS, _NEWTON = 10, 20
 def turn_balls(modes: Modes, mechanism: Mechanism, slips: bool = False) -> float:
     """Point the friction of balls that slip from rest against their motion; return the most turned.
 
-    With |x| = L given, x = -L r / |r| and r = r_0 + R x, where what sticks goes on to stick:
-    x = -(R + g 1)^-1 r_0 with g = |r| / L, of which |x| falls with g: one root. At g = 0 the ball
-    would be held; `slips`: it turns, too. Balls take turns until none changes: each lessens
-    x R x / 2 + r_0 x, a convex function, within its limit.
+    With |x| = L given and r = r_0 + R x, where what sticks goes on to stick, x = -L r / |r| gives
+    x = -(R + g 1)^-1 r_0 with g = |r| / L. |x| falls with g: one root. Balls take turns until none
+    changes: each lowers x R x / 2 + r_0 x, a convex function, within its limit.
+
+    Args:
+        slips: whether a ball turns, too, that its limit would hold (g = 0).
     """
     turned = 0.0
     slipping = modes.at_rest & ~modes.stuck & mechanism.ball

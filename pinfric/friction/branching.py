@@ -1,9 +1,7 @@
 """The proof that no friction holds: branching on the directions of the contact forces.
 
-If the direction of a contact force is within an angle of a given one, a linear function bounds |p|
-from above, so a linear program bounds the use of friction from below. If this bound exceeds 1, no
-friction holds; otherwise the sector of the force with the worst bound is cut in two (Land and Doig
-1960).
+In a sector of directions a linear function bounds |p| from above, so a linear program bounds the
+use of friction from below (`notebooks/theory/resting.md`; Land and Doig 1960).
 """
 
 from __future__ import annotations
@@ -88,7 +86,7 @@ def bound_force(
         rest, i: which force.
         centre, half: its sector (rad); half < 0: none yet.
         line: (dz + 1,), overwritten: |p| <= line[:dz] z + line[dz].
-        sides: (2, dz + 1), overwritten: the force is in its sector where sides z + last <= 0.
+        sides: (2, dz + 1), overwritten: the sector is sides[:, :dz] z + sides[:, dz] <= 0.
     """
     dz = rest.N.shape[1]
     f, S = rest.contact[i, 0], rest.contact[i, 1:]
@@ -129,7 +127,7 @@ def bound_force(
 
 @kernel
 def write_program(rest: Rest, program: Program, centre: np.ndarray, half: np.ndarray) -> int:
-    """Write a node's program: limits bounded by the sectors (nf,) of its forces; return its rows.
+    """Write a node's program for the sectors (nf,) of its forces; return its rows.
 
     m <= 0 is possible where any x in the box whose forces lie in the sectors holds.
     """
@@ -184,16 +182,13 @@ def worst_bounded(
 
 @kernel
 def branch(rest: Rest, program: Program, z: np.ndarray, most_nodes: int) -> int:
-    """Find a z (dz,) that holds, or prove that none does.
+    """Find a z (dz,) that holds, or prove that none does; see `prove`.
 
     Args:
         rest: `Rest`, forces in planes.
         program: buffers.
         z: overwritten with what holds.
         most_nodes: where to give up.
-
-    Returns:
-        1 found, 0 there is none, -1 given up.
     """
     n, nf = rest.x0.size, rest.owner.size
     x, above, below = np.empty(n), np.empty(n), np.empty(n)

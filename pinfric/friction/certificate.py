@@ -1,19 +1,14 @@
 """All answers of joints at rest in an open chain: they lie in a ball around the kinetic answer.
 
-The kinetic answer x0 is that with sliding friction as static limits. It obeys the true laws, too.
-Of any other answer x, d = x - x0 obeys coordinate by coordinate, whichever sticks or slips,
-
-    (R d)_c d_c <= |(R d)_c| |L_c(x) - L_c(x0)| + e_c(x) |r_c(x0)| [c slips in x0, sticks in x]
-
-with L the sliding friction and e what static limits are above it. L changes by at most a_c |d|_R
-where a_c = sum mu |P_t R^-1/2|. Summed, with kappa a bound of the first terms in parts of |d|_R^2:
+The kinetic answer x0 is that with sliding friction as static limits; it obeys the true laws, too.
+Of any other answer x0 + d, with a_c, e_c and kappa of `notebooks/theory/resting.md` and kappa < 1,
 
     (1 - kappa) |d|_R^2 <= sum over T of e_c |r_c(x0)|,     T: slip in x0 and stick in x
 
-So for kappa < 1 a joint that moves fast in x0 slips in every answer, and one that needs little
-friction sticks in every answer. With each set of the other joints that slips there is at most one
-answer; pivoting finds its directions. A gear that does not lock itself only helps: its rotor
-counts as I / (steepest slope of its lines) in R.
+So a joint that moves fast in x0 slips in every answer, and one that needs little friction sticks.
+With each set of the other joints that slips there is at most one answer; pivoting finds its
+directions. A rotor whose gear does not lock itself counts as I / (steepest slope of its lines) in
+R.
 """
 
 from __future__ import annotations
@@ -80,7 +75,7 @@ class Ball:
 
     Attributes:
         sure: whether kappa < 1.
-        slips, open: coordinates that slip in every answer; those that slip in some, perhaps.
+        slips, open: coordinates that slip in every answer; those that may slip in some.
 
     Args:
         problem: `Problem`, of an open chain.
@@ -174,8 +169,7 @@ class Ball:
     def sets(self) -> Iterator[list[np.ndarray]]:
         """Yield, by their size, the sets of joints that may slip while the others stick.
 
-        The last ones are as large as the set that slips in x0, which is among them. Where that
-        makes more than `_MOST_SETS`, it ends early.
+        The set that slips in x0 is among the last. Beyond `_MOST_SETS` sets it ends early.
         """
         looked = 0
         for more in range(int(self.moved.sum()) - len(self.slips) + 1):
@@ -201,10 +195,7 @@ class Ball:
 
 
 def _behind_gears(problem: Problem) -> tuple[np.ndarray, np.ndarray]:
-    """R (nc, nc) and the forces per unit of d (nt, nc, 3), with rotors as light as gears let them.
-
-    Forces follow from friction R^-1 R_eff d.
-    """
+    """R (nc, nc), and forces (nt, nc, 3) per unit of d by R^-1 R_eff d, behind lightest rotors."""
     R, contact, lines = problem.rate_slope, problem.contact[:, 1:], problem.gear_lines
     if not len(lines):
         return R, contact

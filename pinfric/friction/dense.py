@@ -46,8 +46,8 @@ def solve_dense(A: np.ndarray, B: np.ndarray) -> bool:
 def spectral_radius_bound(A: np.ndarray, vector: np.ndarray) -> float:
     """Upper bound of the spectral radius of a non-negative A (Collatz and Wielandt).
 
-    max_i (A y)_i / y_i bounds it for every positive y; power iteration makes y nearly the Perron
-    vector and the bound nearly tight.
+    max_i (A y)_i / y_i bounds it for every positive y; power iteration brings y near the Perron
+    vector.
 
     Args:
         A: (n, n), no entry negative.
@@ -118,7 +118,7 @@ def factorize(M: np.ndarray) -> bool:
 
 @kernel
 def eliminate_full_pivot(A: np.ndarray, ny: int, order: np.ndarray, scale: float) -> int:
-    """Bring the first ny columns of A (nr, ny + more) to reduced echelon form by full pivoting.
+    """Bring the first ny columns of A (nr, ny + more) to reduced echelon form; return the rank.
 
     Afterwards y[order[r]] = A[r, ny:] - sum over the free columns f >= rank of A[r, f] y[order[f]].
 
@@ -127,9 +127,6 @@ def eliminate_full_pivot(A: np.ndarray, ny: int, order: np.ndarray, scale: float
         ny: number of unknowns.
         order: (ny,) int, overwritten: which unknown stands in each column.
         scale: pivots small beside it, or beside the first one, are zero.
-
-    Returns:
-        The rank.
     """
     nr, width = A.shape
     for c in range(ny):
@@ -167,8 +164,8 @@ def eliminate_full_pivot(A: np.ndarray, ny: int, order: np.ndarray, scale: float
 def solve_balance(A: np.ndarray, scale: float, y: np.ndarray, free: np.ndarray) -> int:
     """Write one solution of A[:, :ny] y = A[:, ny:], and its null space; return the rank.
 
-    Full pivoting, the paper's choice, finds the rank. A rank below the number of rows: there may be
-    no solution.
+    Full pivoting, the paper's choice, finds the rank. Below the number of rows there may be no
+    solution.
 
     Args:
         A: (nr, ny + columns), overwritten.

@@ -5,16 +5,14 @@ A gear receives u - I r, with u what arrives at r = 0. It delivers t; its entry 
     t = u - I r + x,      u - I r = slope t + offset       in motion: lines, by the direction
                           lower(t) <= u <= upper(t)        at rest: intervals of t
 
-The rotor's inertia I is an armature whatever the gear does, so the problem does not depend on its
-modes. In given modes and lines all coordinates have rows, with y the friction of the bearings:
+In given modes and lines all coordinates have rows, with y the friction of the bearings:
 
     a (x - y) + b r = g,     (1, 0, 0) slips, (0, 1, 0) sticks, (slope, (1 - slope) I, ...) a gear
 
 Newton's method over the lines ends at the one solution of gears that do not lock themselves.
 Self-locking ones have one for every u if and only if diag(least slope) + I^1/2 W I^1/2 is positive
 definite, with W the rates per unit effort, without rotors, of what does not stick. A solution is
-stable (a shaft with a little compliance would stay at it) if the matrix with the slopes of its own
-lines is positive definite.
+stable if that with the slopes of its own lines is (`notebooks/theory/gears.md`).
 """
 
 from __future__ import annotations
@@ -69,7 +67,6 @@ def write_rows(problem: Problem, modes: Modes, lines: np.ndarray, rows: np.ndarr
     """Write the lines of gears in motion, around `modes.effort`, and the rows of coordinates.
 
     Args:
-        problem, modes: of which modes and efforts count.
         lines: (ng, 4) slope, offset and ends, overwritten.
         rows: (nc, 3) of the module's text, overwritten.
     """
@@ -95,11 +92,7 @@ write_rows_within = inlined(write_rows)
 
 @inlined_kernel
 def are_bound(stuck: np.ndarray, rows: np.ndarray) -> np.ndarray:
-    """Return of which coordinates (nc,) more than the bearings decides the friction.
-
-    Args:
-        stuck: (nc,) bool. rows: (nc, 3), or (0, 3) without gears.
-    """
+    """Return which coordinates (nc,) stick or have gears, by rows (nc, 3), (0, 3) without gears."""
     if rows.shape[0] == 0:
         return stuck
     bound = np.empty(stuck.size, np.bool_)
@@ -186,7 +179,7 @@ def guess_lines(
 def fit(problem: Problem, modes: Modes, lines: np.ndarray, rests: bool) -> tuple[int, int]:
     """Write the efforts of gears, of which friction, loads and rates are written, into `modes`.
 
-    What a gear at rest holds is the interval in which the bearings beside it have the most room.
+    A gear at rest holds the interval in which the bearings beside it have the most room.
 
     Args:
         problem: its limits of gears at rest are overwritten.
@@ -237,8 +230,7 @@ fit_within = inlined(fit)
 def _hold(problem: Problem, modes: Modes, g: int, low: float, high: float, effort: float) -> bool:
     """Let a gear at rest hold the interval that most efforts low to high are in, or the nearest.
 
-    Returns:
-        Whether it is another than before.
+    Return whether it is another than before.
     """
     held, given, e = problem.gear_held[g], problem.gear_rotor[g, 0], gear_entry(problem, g)
     best, chosen = -np.inf, 0
@@ -278,8 +270,8 @@ def _beside(problem: Problem, modes: Modes, g: int) -> tuple[float, float]:
 def gear_margins(problem: Problem, modes: Modes, g: int) -> tuple[float, float]:
     """Return the distances of the torque at a gear at rest above lower(t) and below upper(t).
 
-    Each is the largest over all efforts t that the friction beside the gear allows; below 0 the
-    gear slips. Both are finite and continuous.
+    Each is the largest over all efforts t that the friction beside the gear allows, finite and
+    continuous; below 0 the gear slips.
     """
     given = problem.gear_rotor[g, 0]
     needed = given + modes.friction[problem.coordinate[gear_entry(problem, g)]]
@@ -310,11 +302,7 @@ def lines_and_rows(problem: Problem, modes: Modes) -> tuple[np.ndarray, ...]:
 def without_gears(
     problem: Problem, modes: Modes, rows: np.ndarray, within: bool = False
 ) -> tuple[Problem, np.ndarray] | None:
-    """Return the same problem for y, the friction without gears in motion, and x = map (1, y).
-
-    None where the rows of gears in motion are singular.
-
-    """
+    """Return the same problem for y, and x = map (1, y); None: gears in motion make it singular."""
     if not problem.gear_rotor.shape[0]:
         return problem, np.empty(0)
     nc, R = len(rows), problem.rate_slope
@@ -447,8 +435,8 @@ def _coupling(
 def lasts_under_loads(problem: Problem, modes: Modes, slopes: np.ndarray) -> bool | None:
     """Return whether an answer is stable beside bearings whose loads it changes.
 
-    With x = f + y(x), y the friction of bearings that slip, rates change by R (1 - dy/dx)^-1 per
-    unit effort f. The symmetric part of the matrix counts. None where no y depends on loads.
+    With x = f + y(x), rates change by R (1 - dy/dx)^-1 per unit effort f; the symmetric part of the
+    matrix counts. None where no y depends on loads.
 
     Args:
         problem, modes: solved.
@@ -469,7 +457,7 @@ def lasts_under_loads(problem: Problem, modes: Modes, slopes: np.ndarray) -> boo
 def choices_of_lines(problem: Problem, modes: Modes) -> list[tuple[np.ndarray, bool]] | None:
     """Return efforts (ng,) on every choice of lines that may fit, and whether it is stable.
 
-    None where there are too many. The present modes must be solved, on any lines.
+    None where there are too many. The modes must be solved, on any lines.
     """
     moves = np.flatnonzero(~modes.stuck[problem.gear_coordinate])
     if not len(moves):

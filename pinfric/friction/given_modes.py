@@ -2,13 +2,9 @@
 
 The unknown is the friction z of the slipping coordinates whose loads depend on it: z = G(z). It is
 solved by the fixed-point iteration while this is fast (the paper), then by a semi-smooth Newton
-method; the residual of the solution is always verified. The certificate is `contraction`, a bound
-of the spectral radius of A_kj = gain Lip(load along z_j). Below 1 the solution exists and is the
-only one; otherwise others are searched for. Where nothing rests and the bound is clearly below 1,
-`slide` saves the time of a reduction by solving the `Problem` itself.
-
-Modes are consistent (`judge`) if what sticks stays within its static limits (paper eq. 21) and what
-starts from rest moves against its friction (eq. 20).
+method. Below 1 the `contraction`, a bound of the spectral radius of A_kj = gain Lip(load along
+z_j), certifies that there is exactly one solution; otherwise others are searched for. `slide`
+solves the `Problem` without a reduction where nothing rests and the bound is clearly below 1.
 """
 
 from __future__ import annotations
@@ -67,8 +63,8 @@ class Reduced(NamedTuple):
         unknown: (nc,) int: place of each coordinate in z, or -1.
         X: (nc, 1 + nz).
         offset: (nz,).
-        place, gain: (n,) of the n contact forces that friction of a load follows: whose, and the
-            coefficient.
+        place, gain: (n,) of each of n contact forces: the place in z of the friction that follows
+            it, and the coefficient.
         contact: (n, 1 + nz, 3).
     """
 
@@ -84,7 +80,7 @@ class Reduced(NamedTuple):
 def reduce_problem(
     problem: Problem, stuck: np.ndarray, direction: np.ndarray, rows: np.ndarray
 ) -> tuple[int, Reduced]:
-    """Return the length of z and the problem in it.
+    """Return the length of z and the problem in it; -1: what sticks and gears make it singular.
 
     Sticking coordinates are eliminated by r = 0, gears on their lines by theirs, slipping
     coordinates whose load is constant by their law.
@@ -92,9 +88,6 @@ def reduce_problem(
     Args:
         problem, stuck, direction: see `slip_law`.
         rows: (nc, 3), `gears.write_rows`; (0, 3) without gears.
-
-    Returns:
-        Length of z, or -1 where the equations of what sticks and of gears are singular; `Reduced`.
     """
     nc, ne = stuck.size, problem.constant.size
     law, entry_gain, unknown = np.empty(nc), np.empty(ne), np.full(nc, -1, np.int64)
@@ -129,7 +122,7 @@ def reduce_problem(
 def _reduce_contacts(
     problem: Problem, bound: np.ndarray, entry_gain: np.ndarray, reduced: Reduced
 ) -> None:
-    """Write whose friction follows each contact force that counts, and the force as a map of z."""
+    """Write `place`, `gain` and `contact` of a reduced problem."""
     unknown, X, _, place, gain, contact = reduced
     columns, n = contact.shape[1], 0
     for t in range(problem.contact_entry.size):
@@ -158,8 +151,7 @@ def write_residual(
 ) -> float:
     """Write z - offset - gain |p(z)| (nz,), its Jacobian (nz, nz) and the |p| (n,).
 
-    Returns:
-        The largest, relative to the terms it is the sum of.
+    Return the largest residual, relative to the terms it is the sum of.
     """
     _, _, offset, place, gain, contact = reduced
     size, worst = np.empty(z.size), 0.0
@@ -256,13 +248,10 @@ def fixed_point(reduced: Reduced, z: np.ndarray, tolerance: float) -> int:
 
 @kernel
 def settles(reduced: Reduced, z: np.ndarray) -> bool:
-    """Refine a z of small residual by Newton; return whether it is known to be a solution.
+    """Refine a z (nz,) of small residual by Newton; return whether it is known to be a solution.
 
     Its error |J^-1| (|residual| + rounding) must be small: where the contraction is 1, a small
     residual far out proves nothing.
-
-    Args:
-        z: (nz,), overwritten.
     """
     _, _, offset, _, gain, contact = reduced
     nz = z.size
@@ -339,7 +328,7 @@ def solve_given_modes(
     Args:
         stuck, direction, rows: see `reduce_problem`.
         guess: (nc,) friction of bearings to start from; NaN in the first place: none.
-        solutions: (MOST_SOLUTIONS, nc), overwritten with the solutions found.
+        solutions: (MOST_SOLUTIONS, nc), overwritten.
         figures: (2,), overwritten: contraction, passes.
 
     Returns:
@@ -385,16 +374,13 @@ def _search(
     solutions: np.ndarray,
     figures: np.ndarray,
 ) -> int:
-    """Search for solutions, of which there may be none or several, from zero and from far out.
+    """Search for solutions from zero and from far out; return how many there are.
 
     Args:
         direction: see `slip_law`. z: (nz,) where Newton has come to, overwritten.
         small: whether the residual there is small.
         perron: (nz,) eigenvector of the contraction's matrix.
         solutions, figures: see `solve_given_modes`.
-
-    Returns:
-        Number of solutions.
     """
     unknown, X, _, _, gain, contact = reduced
     nz, tolerance, far, most, found = z.size, _FOUND * (8 + z.size), 1.0, 1.0, 0
@@ -437,12 +423,12 @@ _PASSES = 12
 
 @kernel
 def slide(problem: Problem, modes: Modes) -> bool:  # noqa: C901
-    """Write the solution in modes in which nothing rests; False: that is left to `given_modes`.
+    """Write the solution in modes in which nothing rests, see the module's text; False: not solved.
 
     Newton's method goes over the lines of gears, too, if they rise.
 
     Args:
-        modes: `Modes`; its `friction` and `effort` are where the solve starts from.
+        modes: `Modes`; the solve starts from its `friction` and `effort`.
     """
     x, load, (nc, ne) = modes.friction, modes.load, (modes.friction.size, modes.load.size)
     for c in range(nc):
@@ -586,7 +572,10 @@ SHOULD_STICK = 2
 
 @kernel
 def judge(problem: Problem, modes: Modes) -> int:
-    """Write how each coordinate violates its law; return the number that do (paper eq. 20, 21).
+    """Write how each coordinate violates its law; return the number that do.
+
+    What sticks stays within its static limits (paper eq. 21), what starts from rest moves against
+    its friction (eq. 20).
 
     Args:
         modes: `Modes`, solved; its `verdict` is overwritten.
@@ -600,7 +589,7 @@ def judge(problem: Problem, modes: Modes) -> int:
 
 @kernel
 def _judge_resting(problem: Problem, modes: Modes) -> int:
-    """`judge` where joints rest, which needs more preparation."""
+    """`judge` where joints rest."""
     nc, verdict, wrong = modes.stuck.size, modes.verdict, 0
     lower, upper = np.empty(nc), np.empty(nc)
     stick_limits(problem, modes.load, lower, upper)
@@ -635,7 +624,7 @@ def try_modes(problem: Problem, modes: Modes, chosen: bool) -> tuple[int, int]:
     Every gear in motion is on the line that fits, by Newton's method over the lines.
 
     Args:
-        modes: `Modes`; its `friction` and `effort` are where the solve starts from.
+        modes: see `slide`.
         chosen: whether gears in motion keep their lines instead.
 
     Returns:

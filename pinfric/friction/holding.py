@@ -1,8 +1,7 @@
 """Decides whether friction can hold resting joints, by a search and a proof.
 
-Limits are convex in x, so the frictions that hold are a difference of convex sets. A search
-(`least_use`) may end above the limits although another x holds: `branching` finds it or proves that
-there is none.
+The search (`least_use`) may end above the limits although another x holds: `branching` finds it or
+proves that there is none (`notebooks/theory/resting.md`).
 """
 
 from __future__ import annotations
@@ -29,11 +28,11 @@ class Verdict:
     """Whether friction holds.
 
     Attributes:
-        held: True, False, or None if neither a friction that holds nor a proof was found.
-        use: the smallest max |x_k| / limit_k found: the largest ratio of friction to static limit.
+        held: True, False, or None if neither was shown.
+        use: the smallest max |x_k| / limit_k found, ratios of friction to static limits.
         friction: (nc,) with that use (N m or N).
-        proved: whether that is certain, see `StaticHold`.
-        least: whether it is proved that no friction has a use smaller by more than `LEAST`.
+        proved: whether `held` is certain, see `StaticHold`.
+        least: whether no friction has a use smaller by more than `LEAST`.
     """
 
     held: bool | None

@@ -1,4 +1,4 @@
-"""Independent parts of a problem: what neither rates nor loads couple is solved and judged alone.
+"""Independent parts of a problem: what neither rates nor loads couple is searched alone.
 
 Their numbers of modes add up in place of being multiplied.
 """
@@ -14,10 +14,10 @@ from pinfric.friction.rest import Mechanism, connected
 
 
 class Island(NamedTuple):
-    """One part of a problem, with arrays of its own.
+    """An independent part of a problem, with arrays of its own.
 
     Attributes:
-        coordinates, entries, gears: numbers of its coordinates, entries and gears in the whole.
+        coordinates, entries, gears: their numbers in the whole.
         problem, modes, mechanism: of these alone.
     """
 

@@ -37,7 +37,7 @@ def write_loads(
     Args:
         contact: (nt, 1 + nx, 3).
         owner: (nt,) whose load each force is part of.
-        constant: (n,) the rest of it.
+        constant: (n,) part of each load that does not change.
         x: (nx,).
         load: (n,), overwritten.
     """
@@ -60,9 +60,7 @@ def write_rates(problem: Problem, x: np.ndarray, rate: np.ndarray) -> None:
 def add_load_slopes(
     contact: np.ndarray, owner: np.ndarray, weight: np.ndarray, x: np.ndarray, slope: np.ndarray
 ) -> None:
-    """Add the derivative of each weighted size, weight d|p| / dx, to its owner's row of a slope.
-
-    A force of zero adds nothing.
+    """Add weight d|p| / dx to each force's owner's row of a slope; a force of zero adds nothing.
 
     Args:
         contact, owner, x: see `write_loads`.
@@ -157,9 +155,7 @@ def limit_width(lower: float, upper: float) -> float:
 def entry_friction(
     problem: Problem, modes: Modes, lower: np.ndarray, upper: np.ndarray, phi: np.ndarray
 ) -> None:
-    """Write each entry's friction (ne,); those of one sticking coordinate share its friction.
-
-    It is shared in proportion to the limits.
+    """Write each entry's friction (ne,); entries of a sticking coordinate share it as their limits.
 
     Args:
         modes: `Modes`, solved.
@@ -188,10 +184,10 @@ def entry_friction(
 def _share_unlimited(
     problem: Problem, friction: float, load: np.ndarray, c: int, phi: np.ndarray
 ) -> None:
-    """Write the friction of the entries of a coordinate at rest of which one or more have no limit.
+    """Write the friction of the entries of a coordinate at rest of which some have no limit.
 
-    The limited ones get the middle of what the others leave, each unlimited one what it must have
-    at least; the last that can take it, the rest.
+    The limited ones get the middle of what the others leave, each unlimited one its least; what
+    then remains goes to the last that can take it.
     """
     low = high = beyond_low = beyond_high = 0.0
     for s in range(phi.size):

@@ -4,12 +4,8 @@ At rest all is affine in the friction x of the coordinates that could move:
 
     A x = b, so x = x_0 + N z;      p_i = P_i0 + P_i x;      limit_k = constant_k + sum_i mu_i |p_i|
 
-The *use* of x is the largest |x_k| / limit_k. The limits' tangents lie below the limits. With them
-one linear program finds the x with the largest margin at the present use; its true use is smaller.
-So the use falls to a stationary point. There may be several if limits depend on loads.
-
-Every friction is divided by its own limit, every contact force by the limit that it is part of. A
-joint without limit has no row in the program.
+The *use* of x is the largest |x_k| / limit_k. With tangents of the limits, which lie below them,
+one linear program after the other lowers it to a stationary point (`notebooks/theory/resting.md`).
 """
 
 from __future__ import annotations
@@ -45,7 +41,7 @@ class Rest(NamedTuple):
         unit: (n,) N m or N.
         x0: (n,) a friction in equilibrium. N: (n, dz) what may be added to it, x = x0 + N z.
         above, below: (n,) constant part of the limits of x > 0 and of x < 0; inf: no limit.
-        least: (n,) limits are not smaller: rounding of the friction, which zero does not limit.
+        least: (n,) rounding of the friction; limits are not below it.
         contact: (nf, 1 + dz, 3) contact forces p = contact (1, z), in axes of their own; the last
             is zero for those that lie in a plane.
         owner: (nf,) coordinate whose limit it is part of.
@@ -228,7 +224,7 @@ def write_limit(
     Args:
         x: (n,) friction from which z is counted.
         r: the row of the limit, 2 k for x_k > 0, 2 k + 1 for x_k < 0; that of the box is 2 n below.
-        use: so much of the limit is looked for. limit: inf: there is none, the row says nothing.
+        use: how much of the limit. limit: inf: there is none, the row says nothing.
         G, h, s: (>= 4 n, dz), (>= 4 n,) twice: G z + h <= m s.
     """
     n, dz = rest.N.shape

@@ -23,8 +23,8 @@ def least_violation(
     of the box are a feasible basis at once. Every y bounds m from below (weak duality).
 
     Args:
-        G, h, s: (>= rows, dz), (>= rows,), (>= rows,), s > 0; the first `rows` of them count.
-        rows: how many.
+        G, h, s: (>= rows, dz), (>= rows,), (>= rows,), s > 0.
+        rows: how many of them count.
         reach: bound of every z.
         z: (dz,), overwritten.
     """
@@ -73,8 +73,8 @@ def begin(
 
     Args:
         G, h, s, rows, reach: see `least_violation`.
-        T, value: (dz + 1, rows + 2 dz), (rows + 2 dz,), zeros and anything: columns in terms of the
-            basis, and how much each is violated.
+        T: (dz + 1, rows + 2 dz), zeros: columns in terms of the basis.
+        value: (rows + 2 dz,) how much each is violated.
         basis, y: (dz + 1,) columns in the basis, and their y.
 
     Returns:

@@ -1,4 +1,4 @@
-"""The coupled friction problem as arrays, which `given_modes` solves.
+"""The coupled friction problem as arrays; it does not depend on the robot.
 
 Friction acts on *coordinates*: relative velocities of one site each, or of a mimic joint's sites
 together with those of its leader. With x the friction along each of them, all quantities that
@@ -10,10 +10,8 @@ depend on friction are affine in x (paper eq. 3, 16, 17):
     slipping    x = -sum |ratio| direction (mu c + coulomb) - drag                  (paper eq. 20)
     sticking    r = 0 and x within the two static limits                            (paper eq. 21)
 
-A gear with losses has one more entry on the coordinate that it drives, see `gears.py`.
-
-The module that writes a `Problem` (forward dynamics, a time step) determines what r is. The problem
-does not depend on the robot.
+A gear with losses has one more entry on the coordinate that it drives, see `gears.py`. What r is
+says the module that writes the `Problem`: forward dynamics, a time step.
 """
 
 from __future__ import annotations
@@ -41,13 +39,14 @@ class Problem(NamedTuple):
         constant: (ne,) part of each load that does not change.
         coordinate: (ne,) coordinate on which each entry acts.
         ratio: (ne,) entry velocity per coordinate velocity; 1 but for mimic joints.
-        mu_slip, mu_stick: (ne,) coefficients of the load at the present speed, and at rest.
+        mu_slip, mu_stick: (ne,) coefficients of the load at the state's speed, and at rest.
         coulomb_slip, coulomb_stick: (ne, 2) constant friction against forward, backward motion.
-        drag: (ne,) viscous friction against the entry's present velocity.
+        drag: (ne,) viscous friction against the entry's velocity.
         gear_rotor: (ng, 2) what arrives at each at r = 0 (N m or N), and its rotor's inertia per r.
         gear_lines: (ng, 4, n, 3) slope, offset and least effort of the lines of each, in ascending
-            order: in forward motion, in backward motion, then in both from rest. A line that only
-            fills the table repeats the last slope and begins at inf.
+            order: in forward motion, in backward motion, then in both from rest. Lines that fill
+                the
+            table repeat the last slope and begin at inf.
         gear_held: (ng, m, 2) the intervals of efforts that each holds at rest; inf, -inf: none.
     """
 
@@ -118,10 +117,7 @@ _WHATEVER = 1e5
 
 
 def bounded(problem: Problem) -> Problem:
-    """Return the problem with finite static limits, for shares of them.
-
-    A self-locking gear has infinite ones.
-    """
+    """Return the problem with finite static limits; a self-locking gear has infinite ones."""
     limits = problem.coulomb_stick
     finite = np.isfinite(limits)
     if finite.all():
@@ -156,7 +152,7 @@ class Modes(NamedTuple):
         friction: (nc,) N m or N; the guess of the next solve, NaN in the first place: none.
         load: (ne,) N m or N.
         effort: (ng,) that gears deliver (N m or N), which says on which line each is.
-        rate: (nc,) relative acceleration, or what the problem says.
+        rate: (nc,) r of the problem.
         verdict: (nc,) int: 0 obeys its law; -1, 1 held beyond its static limit, the way it would
             slip; `given_modes.SHOULD_STICK` slips against its direction.
         figures: (2,) contraction and passes of the solve.

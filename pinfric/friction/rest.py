@@ -1,17 +1,14 @@
 """Stick and slip of joints that can only move together, as in a closed mechanism.
 
-Statics does not determine how they share the load: the equations r = 0 depend on each other. Of all
-frictions in equilibrium the one is taken whose largest ratio to its limit, t, is least:
+Of all frictions in equilibrium the one is taken whose largest ratio to its limit, t, is least
+(limit analysis, `notebooks/theory/resting.md`):
 
     |x_k| <= t limit_k,      0 = rate_free + A^T A x
 
-(limit analysis). With one degree of freedom all joints have the same ratio to their limits,
-x_k = -t limit_k sign(A_k). With several, this is true only for the joints that move in the weakest
-direction w, in which the mechanism breaks away when t reaches 1. Joints that rest independently of
-each other share no friction.
-
-Limits depend on loads, and loads on friction, so t is a stationary value, which can be above the
-least: `holding` decides whether another x holds.
+With one degree of freedom x_k = -t limit_k sign(A_k). With several, all joints that move in the
+weakest direction w, in which the mechanism breaks away at t = 1, have the ratio t. Limits depend on
+loads, and loads on friction, so t may be above the least: `holding` decides whether another x
+holds.
 """
 
 from __future__ import annotations
@@ -55,18 +52,18 @@ def connected(linked: np.ndarray) -> list[np.ndarray]:
 
 @dataclass(eq=False)
 class Mechanism:
-    """The coupling of the coordinates of a `Problem`.
+    """The coupling of the coordinates of a `Problem`; arrays are overwritten at every state.
 
     Attributes:
         closed: whether coordinates may depend on each other: no friction is shared in a tree.
-        factor: (d, nc) A, all rates are A^T w; d freedoms. Overwritten at every state.
+        factor: (d, nc) A, all rates are A^T w; d freedoms.
         block: (nc,) number of the joint; the three coordinates of a ball have the same.
         ball: (nc,) bool.
         idle: (nc,) bool, whether a joint is so near its dead centre that its own friction cannot
-            hold the mechanism. Overwritten at every state.
-        way: (nc,) overwritten: the direction in which sticking coordinates would break away.
+            hold the mechanism.
+        way: (nc,) the direction in which sticking coordinates would break away.
         slope: (nc, nc) rate_slope where it is not A^T A: beside a gear on a line that falls; else
-            None. Overwritten at every state.
+            None.
     """
 
     closed: bool
@@ -82,7 +79,7 @@ class Mechanism:
     def groups(self, stuck: np.ndarray) -> list[Group]:
         """Return the coordinates that stick and share their friction, group by group.
 
-        The last result is kept, because it does not change while nothing moves.
+        The last result is kept: it does not change while nothing moves.
         """
         if not self.closed:
             return []
@@ -177,12 +174,11 @@ class Mechanism:
 def solve_modes(
     problem: Problem, modes: Modes, mechanism: Mechanism, chosen: bool = False
 ) -> tuple[int, int]:
-    """Solve the present modes; return (number of solutions or -1, how many obey the laws).
+    """Solve the modes; return (number of solutions or -1, how many obey the laws).
 
     Joints that can only move together share their friction.
 
     Args:
-        problem, modes, mechanism: what to solve.
         chosen: whether gears in motion keep their lines, those of `modes.effort`.
     """
     if chosen:
@@ -385,9 +381,8 @@ class _Shared:
 def anderson(step: _Shared, x: np.ndarray, sharp: float) -> tuple[np.ndarray | None, int]:
     """Solve x = G(x), with Anderson's extrapolation over the last four passes; None: it fails.
 
-    G is `step.image` (Anderson 1965; Walker and Ni 2011).
-
-    It ends at a relative difference of `sharp`, or where rounding prevents further progress.
+    G is `step.image` (Anderson 1965; Walker and Ni 2011). It ends at a relative difference of
+    `sharp`, or where rounding prevents further progress.
     """
     points: list[np.ndarray] = []
     residuals: list[np.ndarray] = []

@@ -1,13 +1,11 @@
 """The search for modes: which coordinates stick and which slip (Wu, Yang, Haug 1984).
 
-At rest stick has priority: a coordinate slips only if no admissible stick exists. So the search is
-for the consistent modes with the fewest slipping joints. Two different accelerations with equally
-few slipping joints are ambiguous, unless exactly one of them lets all joints stick that were
-sticking until now. Islands (`islands`) are searched apart, see `_search_island`. Of up to
-`MOST_ENUMERATED` joints at rest all modes that kinematics allows are tried (`ways`). Beyond that,
-modes are followed from all stick: others may exist.
-
-A search ends after `MOST_PASSES` passes of its solves; it is then `UNDECIDED`.
+At rest stick has priority: the search is for the consistent modes with the fewest slipping joints.
+Two different accelerations with equally few are ambiguous, unless exactly one of them lets all
+joints stick that were sticking until now. Of up to `MOST_ENUMERATED` joints that depend on each
+other (`islands`) all modes that kinematics allows are tried (`ways`). Beyond that, modes are
+followed from all stick: others may exist (`notebooks/theory/resting.md`). After `MOST_PASSES`
+passes of its solves a search is `UNDECIDED`.
 """
 
 from __future__ import annotations
@@ -66,7 +64,7 @@ _TRANSIENT = 10
 
 
 class Answer(NamedTuple):
-    """A solution that obeys the laws, with its friction; see `gears.py` for which are stable."""
+    """A solution that obeys the laws; see `gears.py` for which are stable."""
 
     modes: Modes
     stable: bool = True
@@ -77,10 +75,9 @@ class SearchStatistics:
     """What a search counted.
 
     Attributes:
-        many: how many answers, and how many of them are stable; 0 where one was found and others
-            may exist.
+        many: how many answers, and how many of them are stable; 0: one was found, others may exist.
         tried: in how many modes it looked for them.
-        unsure: whether gears allow more choices than are tried, so that there may be others.
+        unsure: whether gears allow more choices than are tried.
         island: (n,) coordinates of the island that decided the outcome; none: all did.
     """
 
@@ -101,8 +98,6 @@ class _Query:
     """The search of an island, and what remains of its passes.
 
     Attributes:
-        problem, modes, mechanism: see `search`.
-        count: what is counted.
         several: whether all solutions of given modes are wanted, where there may be several.
         answers: those in the modes solved last, if gears may have several; else empty.
         passes: that remain.
@@ -153,12 +148,12 @@ class _Query:
         return len(solved), len(self.answers)
 
     def _take(self, answer: Answer) -> None:
-        """Make an answer the present one."""
+        """Write an answer, and solve it again."""
         self.modes.take(answer.modes)
         solve_modes(self.problem, self.modes, self.mechanism, chosen=True)
 
     def end(self, solutions: int, obeying: int) -> SearchOutcome:
-        """Return how the search ends with the modes just solved; the answer is the present one."""
+        """Return how the search ends with the modes just solved, and write the answer."""
         if self.answers:
             return self.choose(list(self.answers))
         self.count.many = obeying, obeying
@@ -171,7 +166,7 @@ class _Query:
         return SearchOutcome.UNDECIDED if unsure else outcome
 
     def choose(self, answers: list[Answer]) -> SearchOutcome:
-        """Make the answer the present one: of several the only stable one."""
+        """Write an answer: of several the only stable one."""
         stable = [answer for answer in answers if answer.stable]
         self.count.many = len(answers), len(stable)
         best = (stable or answers)[0]
@@ -183,7 +178,7 @@ class _Query:
         return SearchOutcome.AMBIGUOUS if len(answers) > 1 else SearchOutcome.UNSTABLE
 
     def _all(self, counts: tuple[int, int]) -> tuple[int, int]:
-        """Look for solutions that Newton's method has missed; see `answer`."""
+        """Look for solutions that Newton's method has missed; see `solve`."""
         modes, problem = self.modes, self.problem
         kept = modes.copy()
         lines, rows = lines_and_rows(problem, modes)
@@ -325,10 +320,7 @@ def _search_resting(query: _Query, forced: Ways, held: np.ndarray | None) -> Sea
 
 
 def _in_ball(query: _Query, held: np.ndarray | None) -> SearchOutcome | None:
-    """Search an open chain among the answers that its kinetic answer allows; None: nothing proved.
-
-    See `certificate`.
-    """
+    """Search an open chain among the answers in its `certificate.Ball`; None: nothing proved."""
     problem, modes, mechanism = query.problem, query.modes, query.mechanism
     rests, limits = modes.at_rest.copy(), kinetic(problem, modes.at_rest)
     if limits is None:
@@ -376,9 +368,9 @@ def _in_ball(query: _Query, held: np.ndarray | None) -> SearchOutcome | None:
 
 
 def _pivot(query: _Query, forced: Ways) -> SearchOutcome:
-    """Follow modes from all stick; the answer is the only one if none breaks away beside `forced`.
+    """Follow modes from all stick.
 
-    It is then the one with the fewest slipping joints.
+    The answer is the one with the fewest slipping joints if none breaks away beside `forced`.
     """
     modes = query.modes
     _stick(modes, query.mechanism, forced)
@@ -417,7 +409,7 @@ def _enumerate(
 ) -> SearchOutcome:
     """Try ways to slip, those with the fewest joints beside the forced ones first.
 
-    Where all answers of these are unstable, a joint that they let stick breaks away: more may slip.
+    Where all answers of these are unstable, more may slip.
     """
     status, unstable = SearchOutcome.NONE, list[Answer]()
     modes = query.modes
@@ -470,9 +462,9 @@ def _settle(query: _Query) -> tuple[int, int]:
 
 
 def _same(modes: Modes, other: Modes) -> bool:
-    """Return whether two solutions are one acceleration.
+    """Return whether two solutions have the same friction, or the same rates.
 
-    Their friction is the same, or their rates are: what rests may share its friction in many ways.
+    What rests may share its friction in many ways.
     """
     pairs = np.array([(modes.friction, other.friction), (modes.rate, other.rate)])
     far = np.abs(pairs[:, 0] - pairs[:, 1]).max(axis=1, initial=0.0)
@@ -500,8 +492,7 @@ def _follow(query: _Query, fixed: set[int]) -> SearchOutcome:
     """Find consistent modes by block pivoting with Murty's rule as a safeguard, `fixed` unchanged.
 
     All joints that violate their law change their mode at once; when this stops reducing their
-    number, only the last of them does (certain to end with a P-matrix). The direction of a ball
-    that slips from rest depends on its friction, and is iterated.
+    number, only the last of them does (certain to end with a P-matrix).
     """
     modes, mechanism = query.modes, query.mechanism
     fewest, patience = len(modes.stuck) + 1, _PATIENCE

@@ -1,15 +1,13 @@
 """All frictions in given modes, where there may be several: a complete search.
 
-In given modes (`given_modes`) friction that depends on loads is z_k = offset_k + sign_k y_k with
+In given modes friction that depends on loads is z_k = offset_k + sign_k y_k with
 
     y_k = sum |gain| |p|,      p = P_0 + P y,      y >= 0
 
-In homogeneous coordinates u = (tau, y) on the simplex tau + sum y = 1 the forces P u are linear,
-and large solutions are near tau = 0, so the simplex contains every solution. It is cut into smaller
-and smaller simplices. In each of them f_k(u) = y_k - sum |gain| |P u| is concave: it is not below
-the chord through the corners and not above its tangent. If such a bound of one f_k, or of a
-combination of them, has one sign, there is no solution. If the directions of the forces change so
-little that f is one to one, there is at most one solution, which Newton's method finds.
+In homogeneous coordinates u = (tau, y) every solution lies in the simplex tau + sum y = 1. It is
+cut into smaller ones until bounds of f_k(u) = y_k - sum |gain| |P u|, which is concave (above its
+chords, below its tangents), exclude solutions, or f is one to one, because forces keep their
+directions, and Newton's method finds the only one.
 """
 
 from __future__ import annotations
@@ -44,8 +42,8 @@ class Frictions(NamedTuple):
 
     Attributes:
         solutions: (nc,) each.
-        parts: number of simplices that were examined.
-        complete: whether there are no others; None where the search is not for so many entries.
+        parts: number of simplices examined.
+        complete: whether there are no others; None: not searched for so many entries.
     """
 
     solutions: list[np.ndarray]
@@ -214,8 +212,7 @@ class _Rays:
     def _newton(self, u: np.ndarray) -> np.ndarray | None:
         """A solution from a point on; None where none is near.
 
-        None, too, where what is left of f could move it to tau = 0: there is one at infinity then,
-        where loads grow exactly as the friction that they cause.
+        None, too, where rounding of f could move it to tau = 0: a solution at infinity.
         """
         for _ in range(_PASSES):
             f = self.values(u[None, :, None])[0, :, 0]

@@ -21,8 +21,7 @@ class Group(NamedTuple):
 
     Attributes:
         members: (m,) coordinates.
-        inverse: (r, r): slope = rates^T inverse^-1 rates.
-        rates: (r, m), orthonormal rows.
+        inverse, rates: see `balance.inverse_of`.
     """
 
     members: np.ndarray
@@ -36,10 +35,7 @@ class Group(NamedTuple):
         return cls(members, *inverse_of(factor[:, members], part))
 
     def needs(self, rate: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return what takes rates (m,) away, b (r,) of rates x = b; and what of them nothing does.
-
-        All x with that b hold alike; the second (m,) moves whatever the friction.
-        """
+        """Return b (r,) of rates x = b that takes rates (m,) away, and what (m,) of them stays."""
         s = self.rates @ rate
         return -self.inverse @ s, np.abs(rate - self.rates.T @ s)
 
@@ -116,8 +112,7 @@ def _along_one(direct: np.ndarray, gain: np.ndarray, block: np.ndarray, z: np.nd
     """Write the z of `share_one`, `direct` where it has no bound: the mechanism jams.
 
     Args:
-        direct: (n,) A^T w.
-        gain: (n, n) t slope^T.
+        direct: (n,) A^T w. gain: (n, n) t slope^T.
         block: (n,) joint of each column.
         z: (n,), overwritten.
     """

@@ -1,8 +1,8 @@
 """Modes of joints at rest from friction that grows smoothly with their rates, ever more sharply.
 
-x_c = -L_c(x) r_c / (|r|^2 + e^2)^1/2 with r = r_0 + R x has a solution that Newton's method follows
-as e falls to nearly zero: where |r| >> e the joint slips, else it sticks, a ball's |r| its three
-coordinates'. It proves nothing, but it ends where following modes one by one turns in a circle.
+x_c = -L_c(x) r_c / (|r|^2 + e^2)^1/2 with r = r_0 + R x (|r| of a ball: of three coordinates) has a
+solution that Newton's method follows as e falls to nearly zero: where |r| >> e the joint slips. It
+proves nothing, but ends where pivoting turns in a circle.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ _SLIPS = 0.999
 
 
 def guess_modes(problem: Problem, modes: Modes, mechanism: Mechanism) -> None:
-    """Write what sticks of what rests, and in which directions the rest of it slips.
+    """Write what sticks of what rests, and in which directions the others slip.
 
     Args:
-        problem: `Problem` without gears. modes: with `at_rest`; overwritten.
-        mechanism: which coordinates are one ball's.
+        problem: `Problem` without gears.
+        modes: with `at_rest`; overwritten.
     """
     n, free = len(problem.rate_free), np.zeros(len(problem.rate_free), dtype=bool)
     load, rate, offset = np.empty(len(problem.constant)), np.empty(n), np.empty(n)

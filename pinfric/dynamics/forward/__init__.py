@@ -5,6 +5,5 @@ calls the kernels that write the friction problem and try modes, and searches mo
 rest. `failures` raises an error if there is no solution. For integrators, `constraints` keeps loops
 closed and sticking joints in place, and `margins` computes how far sticking joints are from
 slipping. `holds` decides whether friction holds the robot at rest. `solver` offers forward and
-inverse dynamics of one state for control loops; `compensation` is the friction that a controller
-adds to its efforts.
+inverse dynamics for control loops; `compensation` is the friction that a controller adds.
 """

@@ -201,7 +201,7 @@ class Reach(NamedTuple):
 
 
 class CompensatedSample(NamedTuple):
-    """One state of a thread's solver: what a kernel needs beside the arguments of a call.
+    """What a kernel needs of a thread's solver beside the arguments of a call.
 
     Attributes:
         tables: of the scene.
@@ -230,7 +230,7 @@ def check_used(scene: Scene, rows: np.ndarray, error: bool, v_now: bool) -> None
         error, v_now: whether they are given.
 
     Raises:
-        StateError: named.
+        StateError: names the option.
     """
     holding = rows[3] > 0.0
     if (holding & (rows[2] == 0.0)).any():
@@ -378,7 +378,7 @@ def friction_of(
 def _arriving(
     gears: Gears, d: int, direction: float, speed: float, leaving: float, effort: float
 ) -> float:
-    """Return F(t), blended by the share `leaving` with the torque that is needed to leave rest."""
+    """Return F(t), blended by the share `leaving` with the torque needed to leave rest."""
     slope, offset, _, _ = gear_line(gears, d, direction, speed, False, effort)
     if leaving > 0.0:
         _, static, _, _ = gear_line(gears, d, direction, speed, True, effort)
@@ -458,7 +458,7 @@ def compensate_sample(
         options, out: see `compensate`.
 
     Returns:
-        False if the state is beyond `reach` or not normalized, or the result is not finite.
+        False: a state beyond `reach`, not normalized, or a result that is not finite.
     """
     for i in range(v.size):
         k, fastest = x.position[i], x.reach.fastest[i]

@@ -25,7 +25,7 @@ class Standing:
 
     Attributes:
         coordinates: (nc,) bool.
-        linkage: the linkage in which those at loops' joints are fixed.
+        linkage: with those at loops' joints fixed.
     """
 
     coordinates: np.ndarray
@@ -36,8 +36,8 @@ class Constraints:
     """The constraints of a workspace's scene.
 
     Attributes:
-        closed: whether coordinates may depend on each other, see `Closure.dependent`.
-        off_joints: whether some of their rates are none of v, see `Plan.off_joints`.
+        closed: see `Closure.dependent`.
+        off_joints: see `Plan.off_joints`.
         standing: coordinates that `project` fixes, see `hold_position`; None in an open chain.
     """
 
@@ -77,7 +77,7 @@ class Constraints:
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return the state with loops closed exactly and sticking coordinates (nc,) at rest.
 
-        Coordinates at a standstill keep their positions, see `hold_position`.
+        Coordinates at a standstill keep their positions.
         """
         if not self.closed:
             return q, self._stopped(v, stuck)
@@ -151,8 +151,8 @@ class Constraints:
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return velocities with coordinates at rest, and all coordinates that are then at rest.
 
-        If a joint's speed is zero because the mechanism passes a dead centre, nothing stops and the
-        velocities are unchanged. A ball that keeps turning is not at rest.
+        Where the mechanism passes a dead centre of the joint, nothing stops and the velocities are
+        unchanged. A ball that keeps turning is not at rest.
 
         Args:
             q, v: state.

@@ -28,13 +28,12 @@ class Effort:
 
     Attributes:
         function: (t, q, v) -> (na,), N m or N at the joints, or N m at the motors' shafts, in the
-            order of `Scene.actuator_names`; or a mapping by drive, see `by_name`. It must be pure
-            unless it is held.
+            order of `Scene.actuator_names`; or a mapping by drive, see `by_name`. Pure, unless it
+            is held.
         breakpoints: (n,) times (s) at which it or its slope jumps; integration steps end there.
         finest: time (s) within which it changes little between them; None: unknown.
         given: "effort" or "motor_torque".
-        held: whether it is called only at t = 0 and at the breakpoints, and its value is held
-            between them.
+        held: whether it is called at t = 0 and the breakpoints only, and held between them.
     """
 
     function: EffortFunction
@@ -182,7 +181,7 @@ def _of_time(function: Callable[[float], Any]) -> EffortFunction:
 
 
 def _takes_state(function: Callable[..., Any]) -> bool:
-    """Whether a function takes (t, q, v): three arguments have no default; else it takes t."""
+    """Whether a function takes (t, q, v), by three arguments without default; else it takes t."""
     try:
         parameters = inspect.signature(function).parameters.values()
     except (TypeError, ValueError):  # builtins need not have one: `math.sin` is of one number

@@ -2,9 +2,7 @@
 
     M a + h - J_ext^T f_ext = u + D phi,     phi_k opposes v_k and depends on the wrench w_k
 
-(paper eq. 3, 16, 17). `problem.instant` writes accelerations, reactions and loads as functions of
-friction, from Pinocchio's figures at the state. The rest is the small coupled problem of
-`friction/problem.py`.
+(paper eq. 3, 16, 17), see `problem.instant` and `friction.problem`.
 """
 
 from __future__ import annotations

@@ -67,20 +67,15 @@ class Workspace:
         problem, modes: the coupled problem and its solution.
         mechanism: the coupling of its coordinates.
         must_project: whether a configuration can be invalid: open loops, unnormalized quaternions.
-        closed: whether coordinates may depend on each other, see `Closure.dependent`.
+        closed: see `Closure.dependent`.
         state: the last state, to which `search`, `finish` and failures refer.
         constraints, margins, failures: of its scene and its solution.
         count: what its last search counted.
-        a, effort, phi, load, wrench: (nv,), (na,), (ns,), (ns,), (ns, 6) of the solution:
-            accelerations, efforts of the drives, friction, normal load and wrench of each site.
+        a, effort, phi, load, wrench, multipliers, least, most, site_modes: see `Results`.
         forces: (ns, 6) `wrench` after `slides`, of Pinocchio's own; None: it never does.
         views: what `forward.solution` returns then, beside accelerations; empty at first.
-        multipliers: (nl,) forces that close loops, of side a on side b, in the order of the
-            linkage's rows; none in an open chain.
         locked: whether sticking coordinates prevent all motion (known where loops close).
         held: velocities that move no mass (`model.massless`): as if locked, see `check_held`.
-        least, most: (nc,) static limits of the friction x.
-        site_modes: (ns,) int8, -1, 0, 1; of a ball 0, 1.
         places: (name, coordinate, whether it is a ball) of all that can stick: sites, then gears on
             joints without friction.
     """
@@ -144,7 +139,7 @@ class Workspace:
         return calls
 
     def renew(self) -> None:
-        """Forget all that was solved, so that the next solution does not depend on it."""
+        """Forget all solutions, so that the next one does not depend on them."""
         coordinates, maps = self.plan.coordinates, self.machine.maps
         self._kept: tuple[object, ...] | None = None
         self.locked = False
@@ -177,7 +172,7 @@ class Workspace:
     def _free_model(self) -> pin.Model | None:
         """Return the model whose ABA has the motion while all slides; None: there is none.
 
-        There is if no load changes friction, and every drive moves one velocity of an open chain.
+        Loads must not change friction, and every drive must move one velocity of an open chain.
         """
         t, drives, pinocchio = self.plan, self.plan.drives, self.pinocchio
         coupled = self.closed or t.contacts.owner.size or t.sites.guides.size or t.off_joints
@@ -279,10 +274,8 @@ class Workspace:
     def check_held(self, a: np.ndarray) -> None:
         """Refuse a solution in which a joint that moves no mass, at rest, does not stay so.
 
-        It has an inertia of 1 here, which changes nothing else.
-
         Args:
-            a: (nv,) of the solution; made exactly 0 there.
+            a: (nv,) of the solution, with inertias of 1 there; made exactly 0 there.
 
         Raises:
             SceneError: names the joint.
@@ -375,8 +368,7 @@ class Workspace:
 
         Args:
             q, v, effort, applied: see `solve`.
-            step: 0: r is the relative acceleration; else the time step (s) of which r is the
-                relative velocity at the end, with viscous friction implicit.
+            step: see `instant.solve_instant`.
 
         Raises:
             StateError, SceneError, ToggleError: see `solve`.
@@ -449,7 +441,7 @@ class Workspace:
 def rehearse(ws: Workspace) -> None:
     """Compile every kernel that a solve may call, so that none is compiled in a control loop.
 
-    That overwrites the solutions: use a separate workspace.
+    It overwrites the solutions: use a separate workspace.
     """
     if not ws.nv:
         return
@@ -476,7 +468,7 @@ def rehearse(ws: Workspace) -> None:
 
 
 def _kernels_of_search(problem: Problem, modes: Modes) -> list[tuple[Any, tuple[Any, ...]]]:
-    """Return the kernels that a search of modes calls by itself, with arguments of their types."""
+    """Return the kernels that Python calls in a search of modes, with arguments of their types."""
     line, empty = np.empty(0), np.empty((0, 0))
     lines, rows = np.empty((len(modes.effort), 4)), np.empty((len(modes.stuck), 3))
     return [
@@ -496,10 +488,7 @@ def _kernels_of_search(problem: Problem, modes: Modes) -> list[tuple[Any, tuple[
 
 
 def closed_configuration(scene: Scene) -> np.ndarray:
-    """Return a configuration (nq,) in which all loops are closed, near the start if there is one.
-
-    Where none is found, the start.
-    """
+    """Return a configuration (nq,) with all loops closed, near the start; else the start."""
     for guess in guesses(scene.model, scene.start_configuration):
         with suppress(ClosureError):
             return scene.close(guess)

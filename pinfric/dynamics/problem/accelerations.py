@@ -6,13 +6,12 @@
     a = a_closure + Z (Z^T M Z)^-1 Z^T (push + D^T x),     push = S u - h - M a_closure
     r = D a + dD/dt v = rate_free + rate_slope x,     rate_slope = D Z (Z^T M Z)^-1 Z^T D^T
 
-Z are the motions that loops allow; for a tree Z = 1 and a_closure = 0. Poses, velocities and
-composite inertias are Pinocchio's. Momenta are about the world's origin, so that no difference
-against gravity is taken (Featherstone, Rigid Body Dynamics Algorithms, 6.2).
+Z are the motions that loops allow; for a tree Z = 1 and a_closure = 0. Momenta are about the
+world's origin, so that no difference against gravity is taken (Featherstone, Rigid Body Dynamics
+Algorithms, 6.2).
 
 The torque at a gear's input is u - I s'', with u = r T_m - drag, I = r^2 J_rotor. A gear without
-losses delivers it: an armature I and an effort. The losses of others are friction beside that, see
-`friction.gears`.
+losses delivers it: an armature I and an effort. Losses are friction beside that (`friction.gears`).
 """
 
 from __future__ import annotations
@@ -147,9 +146,9 @@ def is_normalized(first: np.ndarray, count: np.ndarray, q: np.ndarray) -> bool:
 
 @kernel
 def is_exact(machine: Machine, q: np.ndarray) -> bool:
-    """Whether q is normalized and obeys the loops closely; their gaps and rates are written.
+    """Whether q is normalized and obeys the loops to 1e-8 of their size and speed.
 
-    To 1e-8 of a loop's size and speed.
+    Gaps and rates are written.
     """
     t, k = machine.plan.closure, machine.kinematics
     if not is_normalized(machine.tree.unit_first, machine.tree.unit_count, q):
@@ -167,10 +166,10 @@ def is_exact(machine: Machine, q: np.ndarray) -> bool:
 
 @kernel
 def write_laws(machine: Machine, step: float) -> None:
-    """Write the law of every site's entry at its present speed (see `laws`).
+    """Write the law of every site's entry at its speed (see `laws`).
 
-    Of a time step, what vanishes at rest goes into `drag` and `damping` (see `accelerations`), not
-    into the entries' laws, under the loads of the last solution.
+    In a time step, what vanishes at rest goes into `drag` and `damping` instead, under the loads of
+    the last solution.
     """
     entries, coordinates, p = machine.plan.entries, machine.plan.coordinates, machine.problem
     laws, rate = machine.plan.sites.laws, machine.kinematics.coordinate_rate
@@ -504,8 +503,8 @@ def _find_dead_centres(machine: Machine, dead: np.ndarray) -> None:
 def _add_drag(machine: Machine, step: float) -> None:
     """Let drag d act at the end of the step, d + c (v' - v): M + step D^T c D, given - D^T d.
 
-    c is the secant d/|v|, so that drag reverses no motion, or half its slope, so that speeds
-    converge to the balance of drag and drive at any step, whichever is larger.
+    c is the larger of the secant d/|v|, so that drag reverses no motion, and half its slope, so
+    that speeds converge to the balance of drag and drive at any step.
     """
     M, drag, damping = machine.maps.M, machine.maps.drag, machine.maps.damping
     D, given = machine.kinematics.D, machine.scratch.given

@@ -2,8 +2,7 @@
 
     state -> move, write_laws -> write_accelerations -> write_wrenches -> try_modes -> finish
 
-Everything is affine in friction x until `try_modes` finds it: a = a[:, 0] + a[:, 1:] x, and so on
-for wrenches, multipliers and contact forces. A tree is a linkage without closures.
+Until `try_modes` finds friction x everything is affine in it: a = a[:, 0] + a[:, 1:] x.
 """
 
 from __future__ import annotations
@@ -60,9 +59,7 @@ def _set_modes_from_velocities(machine: Machine) -> int:
 def _update_directions(machine: Machine, balls: bool) -> None:
     """Point the friction of coordinates without dry friction against their motion.
 
-    Args:
-        machine: `modes.direction` is written.
-        balls: whether that of balls that slip, too; at no speed it stays.
+    `balls`: that of balls that slip, too; at no speed it stays.
     """
     rate, t, m = machine.kinematics.coordinate_rate, machine.plan.coordinates, machine.modes
     for c in range(rate.size):
@@ -142,8 +139,8 @@ def solve_instant(
 
     Returns:
         (outcome, number of solutions or -1, how many obey, how many are at rest). The outcome is 0,
-        `NOT_FINITE`, `SINGULAR`, `TOGGLE` (the loops allow more motions than elsewhere), or
-        `NOT_TRIED`: joints that may share their friction stick, and no modes were tried.
+        `NOT_FINITE`, `SINGULAR`, `TOGGLE` (the loops allow more motions than elsewhere) or
+            `NOT_TRIED`.
     """
     m, resting = machine.modes, 0
     move(machine, v)

@@ -1,7 +1,7 @@
 """Tables and buffers of the kernels of forward dynamics: plan, Pinocchio's figures, results.
 
-Poses, velocities and wrenches are views of Pinocchio's memory, or copied after every call where a
-build has another layout.
+Poses, velocities and wrenches are views of Pinocchio's memory, or copied where a build has another
+layout.
 """
 
 from __future__ import annotations
@@ -199,7 +199,8 @@ class Results(NamedTuple):
     Attributes:
         a, effort: (nv,), (na,) accelerations, and efforts of the drives.
         driving: (na,) int8, of gears that move: 1 where the motor drives, -1 where the load does.
-        multiplier: (nl,) forces that close loops.
+        multiplier: (nl,) forces that close loops, of side a on side b, in the order of the
+            linkage's rows.
         least, most: (nc,) static limits of the friction x.
         phi, load, wrench: (ns,), (ns,), (ns, 6) friction, load and wrench of each site.
         entry_phi: (ne + gears,).

@@ -1,10 +1,9 @@
 """Indices of a scene's parts in arrays: drives, sites of friction, coordinates, contacts, closure.
 
-A tree is a linkage without loops and actions. Friction acts on *coordinates*, which are relative
-velocities: of a joint of the tree (a mimic's sites share their leader's) or along an action of a
-loop's joint or of a cylinder. A site has one *entry* in the problem; a ball has three, one along
-each axis of frame b. If motor torques are given, a gear with losses also has an entry, on the
-coordinate that it drives, for what it loses and holds.
+Friction acts on *coordinates*, which are relative velocities: of a joint of the tree (a mimic's
+sites share their leader's) or along an action of a loop's joint or of a cylinder. A site has one
+*entry* in the problem; a ball has three, one along each axis of frame b. If motor torques are
+given, a gear with losses also has an entry, on the coordinate that it drives.
 """
 
 from __future__ import annotations
@@ -280,10 +279,7 @@ def drive_delivery(scene: Scene) -> np.ndarray:
 
 
 def _kept(scene: Scene, what: str, make: Callable[[], Made]) -> Made:
-    """Return what is made once for a scene; it lives in the scene's twin.
-
-    Of scenes that share a twin, the last one's.
-    """
+    """Return what is made once for a scene; of scenes that share a twin, for the last one."""
     pools, key = scene.twin().pools, ("plan", what)
     known, found = pools.get(key, (None, None))
     if known is not scene:
@@ -299,9 +295,7 @@ _Key = tuple[int, int, int]
 def _number_entries(scene: Scene, rubs: np.ndarray) -> tuple[list[_Key], Entries, Sites]:
     """Return the sites' coordinates, entries and sites.
 
-    Args:
-        scene: with the sites.
-        rubs: (ns,) whether a site's friction depends on its load.
+    `rubs`: (ns,) whether a site's friction depends on its load.
     """
     linkage, tables = scene.linkage, scene.site_tables
     keys: list[_Key] = []
@@ -359,7 +353,6 @@ def _number_drives(scene: Scene, keys: list[_Key], entries: int, motors: bool) -
     """Return drives, and the entries of their gears, which follow those of the sites.
 
     Args:
-        scene: with the drives.
         keys: of the sites' coordinates; those of gears alone are added.
         entries: of the sites.
         motors: whether motors drive.
@@ -474,9 +467,7 @@ def _choose_contacts(
 ) -> ContactForces:
     """Return contact forces, each with its owner, and the joints whose wrenches they need.
 
-    Args:
-        scene, closure: which joints there are, and which share reactions.
-        owner, force: (nt,) each force's owner, and which of the scene's it is.
+    `owner`, `force`: (nt,) each force's owner, and which of the scene's it is.
     """
     given, tables = scene.site_tables.contacts, scene.site_tables
     joint = np.union1d(np.arange(closure.shared), tables.joint).astype(np.int64)

@@ -2,9 +2,9 @@
 
     M a + h = S u + D^T x,     x = -sum |ratio| direction (mu c + coulomb) - drag,     c constant
 
-A gear with losses delivers t with u - I r = slope t + offset, a line of `friction.gears`: that is
-the effort (u - offset) / slope and the armature I / slope. Which line it is on shows its t; gears
-whose lines rise have one answer, so lines on which all t fit are the answer.
+A gear with losses delivers t with u - I r = slope t + offset, a line of `friction.gears`: the
+effort (u - offset) / slope and the armature I / slope. Gears whose lines rise have one answer, so
+lines on which all t fit are the answer.
 """
 
 from __future__ import annotations

@@ -6,9 +6,9 @@
 Every map has 1 + n columns: [..., 0] + [..., 1:] x, x the friction. Kernels that do not take a
 `Machine` serve inverse dynamics, too, where y are efforts off the joints, then multipliers.
 
-Pinocchio gives f. Column i of W_j is the composite inertia of what both joints carry times the
-motion of freedom i (Featherstone, Rigid Body Dynamics Algorithms, 6.2), so no difference against
-gravity is taken.
+Column i of W_j is the composite inertia of what both joints carry times the motion of freedom i
+about the world's origin (Featherstone, Rigid Body Dynamics Algorithms, 6.2), so no difference
+against gravity is taken.
 """
 
 from __future__ import annotations
@@ -102,8 +102,7 @@ def share_load(
     y: np.ndarray,
     left: np.ndarray,
 ) -> int:
-    """Choose the free part of y so that the sum of weight |given + along z|^2 is least; return how
-    many ways that takes.
+    """Choose the free part of y with the least sum of weight |given + along z|^2; return its rank.
 
     Redundant closures share reactions so, sum |F|^2 + |M/l|^2 over all joints, wherever a loop was
     cut; redundant drives share work.
@@ -168,7 +167,7 @@ def write_contacts(plan: Plan, q: np.ndarray, wrench: np.ndarray, contact: np.nd
 def _accelerate(machine: Machine) -> None:
     """Write the terms of W_j a, with the columns of the maps, about the world's origin.
 
-    The acceleration of joint j's link, and the momenta of the freedoms that it carries.
+    They are the acceleration of joint j's link, and the momenta of the freedoms that it carries.
     """
     t, k, a_map = machine.tree, machine.kinematics, machine.maps.acceleration
     above, below, first = machine.scratch.above, machine.scratch.below, t.first_freedom
