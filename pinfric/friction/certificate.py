@@ -143,25 +143,25 @@ class Ball:
         weight = np.where(a > 0.0, a / np.sqrt(np.diag(R)), 0.0)
         rows = root.T @ R  # columns: R_c in the axes in which |d|_R is a length
         total = 0.5 * (rows * weight) @ rows.T
-        part = slide * a[owner] / np.where(each > 0.0, each, 1.0)
-        part = part / np.where(weight[owner] > 0.0, weight[owner], 1.0)
-        total += 0.5 * np.einsum("t,tie,tje->ij", part, P, P)
+        share = slide * a[owner] / np.where(each > 0.0, each, 1.0)
+        share = share / np.where(weight[owner] > 0.0, weight[owner], 1.0)
+        total += 0.5 * np.einsum("t,tie,tje->ij", share, P, P)
         return min(plain, float(np.linalg.eigvalsh(total)[-1]))
 
     def radius(self, sticking: np.ndarray) -> float:
         """Return a bound of |d|_R if, of the joints that slip in x0, only these may stick."""
-        E, B, left = self.excess[sticking].sum(), self.grows[sticking].sum(), 1.0 - self.kappa
-        return float((B + np.sqrt(B * B + 4.0 * left * E)) / (2.0 * left)) * (1.0 + _ROUNDING)
+        E, B, margin = self.excess[sticking].sum(), self.grows[sticking].sum(), 1.0 - self.kappa
+        return float((B + np.sqrt(B * B + 4.0 * margin * E)) / (2.0 * margin)) * (1.0 + _ROUNDING)
 
     def _mark(self, moved: np.ndarray, at_rest: np.ndarray) -> None:
         """Write `slips` and `open`."""
         unsure, speed = moved.copy(), np.abs(self.centre.rate)
         while True:
             radius = self.radius(unsure)
-            left = unsure & (speed <= self.width * radius + _ROUNDING * speed)
-            if (left == unsure).all():
+            remaining = unsure & (speed <= self.width * radius + _ROUNDING * speed)
+            if (remaining == unsure).all():
                 break
-            unsure = left
+            unsure = remaining
         near = at_rest & ~moved & (self.room <= self.reach * radius + _ROUNDING * np.abs(self.room))
         self.slips = np.flatnonzero(moved & ~unsure)
         self.open = np.flatnonzero(unsure | (near if radius > 0.0 else False))
@@ -177,8 +177,10 @@ class Ball:
             if looked > _MOST_SETS:
                 return
             each = combinations(self.open.tolist(), more)
-            every = (np.array([*self.slips.tolist(), *those], dtype=np.int64) for those in each)
-            yield [slipping for slipping in every if self._may_slip(slipping)]
+            slipping_sets = (
+                np.array([*self.slips.tolist(), *those], dtype=np.int64) for those in each
+            )
+            yield [slipping for slipping in slipping_sets if self._may_slip(slipping)]
 
     def _may_slip(self, slipping: np.ndarray) -> bool:
         """Whether an answer in which these slip, and no others, may be in the ball."""

@@ -315,11 +315,11 @@ def without_gears(
         stick[e] += shift, -shift
     if not bind(problem, (rows != (1.0, 0.0, 0.0)).any(axis=1) & ~modes.stuck, rows, x):
         return None
-    every = np.concatenate([np.eye(1, 1 + nc), x])
+    whole = np.concatenate([np.eye(1, 1 + nc), x])
     return problem._replace(
         rate_free=problem.rate_free + R @ x[:, 0],
         rate_slope=R @ x[:, 1:],
-        contact=np.einsum("tie,ij->tje", problem.contact, every),
+        contact=np.einsum("tie,ij->tje", problem.contact, whole),
         coulomb_stick=stick,
     ), x
 
@@ -343,10 +343,10 @@ class Jam(NamedTuple):
 
 def jam(problem: Problem, modes: Modes) -> Jam | None:
     """Return which gears jam; None if there is one answer for every u in given modes."""
-    found = _stiffness(problem, modes)
-    if found is None:
+    stiffness = _stiffness(problem, modes)
+    if stiffness is None:
         return None
-    moves, back, W = found
+    moves, back, W = stiffness
     inertia = problem.gear_rotor[moves, 1]
     size, axes = np.linalg.eigh(_energy(back, inertia, W))
     if size[0] > 0.0:
@@ -358,10 +358,10 @@ def jam(problem: Problem, modes: Modes) -> Jam | None:
 
 def is_certain(problem: Problem, modes: Modes) -> bool:
     """Return whether there is one answer for every u in given modes."""
-    found = _stiffness(problem, modes)
-    if found is None:
+    stiffness = _stiffness(problem, modes)
+    if stiffness is None:
         return True
-    moves, back, W = found
+    moves, back, W = stiffness
     return bool(np.linalg.eigvalsh(_energy(back, problem.gear_rotor[moves, 1], W))[0] > 0.0)
 
 
@@ -392,9 +392,9 @@ def _enough(
         beside = E[np.ix_(others, others)]
         if np.linalg.eigvalsh(beside).min(initial=1.0) > 0.0:
             across = root[others] * W[g, others]
-            left = W[g, g] - across @ np.linalg.solve(beside, across)
-            if left > RANK * W[g, g]:
-                return {g: float(-back[g] / left)}
+            remaining = W[g, g] - across @ np.linalg.solve(beside, across)
+            if remaining > RANK * W[g, g]:
+                return {g: float(-back[g] / remaining)}
     alone = -back[locking] / np.maximum(np.diag(W)[locking], 1e-300)  # what each needs by itself
 
     def heavier(times: float) -> np.ndarray:
@@ -442,14 +442,14 @@ def lasts_under_loads(problem: Problem, modes: Modes, slopes: np.ndarray) -> boo
         problem, modes: solved.
         slopes: (ng,) of the lines that gears in motion are on.
     """
-    gain, rest = np.empty(len(problem.constant)), np.empty(len(modes.stuck))
-    slip_law(problem, modes.stuck, modes.direction, gain, rest)
-    entry, grows = problem.contact_entry, np.zeros((len(rest), len(rest)))
+    gain, offset = np.empty(len(problem.constant)), np.empty(len(modes.stuck))
+    slip_law(problem, modes.stuck, modes.direction, gain, offset)
+    entry, grows = problem.contact_entry, np.zeros((len(offset), len(offset)))
     add_load_slopes(problem.contact, problem.coordinate[entry], gain[entry], modes.friction, grows)
     if not grows.any():
         return None
     moves = np.flatnonzero(~modes.stuck[problem.gear_coordinate])
-    R = problem.rate_slope @ np.linalg.inv(np.eye(len(rest)) - grows)
+    R = problem.rate_slope @ np.linalg.inv(np.eye(len(offset)) - grows)
     E = _energy(slopes[moves], problem.gear_rotor[moves, 1], _coupling(problem, modes, moves, R))
     return bool(np.linalg.eigvalsh(0.5 * (E + E.T)).min(initial=1.0) > 0.0)
 
@@ -464,25 +464,28 @@ def choices_of_lines(problem: Problem, modes: Modes) -> list[tuple[np.ndarray, b
         return [(modes.effort.copy(), True)]
     W = _coupling(problem, modes, moves)
     coordinate, t = problem.gear_coordinate[moves], modes.effort[moves]
-    every = [
+    lines_of_each = [
         _lines_of(problem, int(g), float(modes.direction[c]))
         for g, c in zip(moves, coordinate, strict=True)
     ]
     slides = ~modes.stuck[problem.coordinate[problem.contact_entry]]
     loaded = bool((problem.mu_slip[problem.contact_entry] * slides).any())
-    if prod(len(lines) for lines in every) > (_MOST_LOADED if loaded else _MOST_LINES):
+    if prod(len(lines) for lines in lines_of_each) > (_MOST_LOADED if loaded else _MOST_LINES):
         return None
-    given, inertia = problem.gear_rotor[moves].T
-    table = np.array(list(product(*every)))
+    arriving, inertia = problem.gear_rotor[moves].T
+    table = np.array(list(product(*lines_of_each)))
     A = inertia[:, None] * W + np.eye(len(moves)) * table[:, :, 0][:, None, :]
     fits = np.ones(len(table), dtype=bool)
     if not loaded and np.isfinite(modes.rate).all() and np.isfinite(t).all():
-        right = given - inertia * (modes.rate[coordinate] - W @ t) - table[:, :, 1]
+        right = arriving - inertia * (modes.rate[coordinate] - W @ t) - table[:, :, 1]
         fits = np.linalg.det(A) != 0.0
-        found = np.full(right.shape, np.nan)
-        found[fits] = np.linalg.solve(A[fits], right[fits][:, :, None])[:, :, 0]
-        slack = _NEAR * (np.abs(found).max(axis=1) + np.abs(given).max())[:, None]
-        fits = ((table[:, :, 2] - slack <= found) & (found <= table[:, :, 3] + slack)).all(axis=1)
+        efforts_on_lines = np.full(right.shape, np.nan)
+        efforts_on_lines[fits] = np.linalg.solve(A[fits], right[fits][:, :, None])[:, :, 0]
+        slack = _NEAR * (np.abs(efforts_on_lines).max(axis=1) + np.abs(arriving).max())[:, None]
+        fits = (
+            (table[:, :, 2] - slack <= efforts_on_lines)
+            & (efforts_on_lines <= table[:, :, 3] + slack)
+        ).all(axis=1)
     out = []
     for lines in table[fits]:
         least = np.linalg.eigvalsh(_energy(lines[:, 0], inertia, W))[0]
@@ -503,14 +506,14 @@ def _lines_of(problem: Problem, g: int, way: float) -> list[tuple[float, float, 
 
 def ways_to_hold(problem: Problem, modes: Modes) -> Iterator[np.ndarray]:
     """Yield efforts (ng,), one for each choice of the intervals that gears at rest hold."""
-    every = []
+    choices = []
     for g in np.flatnonzero(modes.stuck[problem.gear_coordinate]).tolist():
         held = [(low, high) for low, high in problem.gear_held[g].tolist() if low <= high]
-        every += [[(g, _inside(low, high)) for low, high in held]] * (len(held) > 1)
-    if prod(len(held) for held in every) > _MOST_HOLDS:
+        choices += [[(g, _inside(low, high)) for low, high in held]] * (len(held) > 1)
+    if prod(len(held) for held in choices) > _MOST_HOLDS:
         return
     kept = modes.effort.copy()
-    for choice in product(*every):
+    for choice in product(*choices):
         for g, effort in choice:
             kept[g] = effort
         yield kept.copy()

@@ -30,10 +30,10 @@ class Island(NamedTuple):
 
     def put_back(self, problem: Problem, modes: Modes, mechanism: Mechanism) -> None:
         """Write the island's modes, the solution in them and what its gears hold into the whole."""
-        c, e, part = self.coordinates, self.entries, self.modes
+        c, e, own = self.coordinates, self.entries, self.modes
         for name in _OF_COORDINATES:
-            getattr(modes, name)[c] = getattr(part, name)
-        modes.load[e], modes.effort[self.gears] = part.load, part.effort
+            getattr(modes, name)[c] = getattr(own, name)
+        modes.load[e], modes.effort[self.gears] = own.load, own.effort
         problem.coulomb_stick[e] = self.problem.coulomb_stick
         mechanism.way[c] = self.mechanism.way
 
@@ -60,7 +60,7 @@ def _part(problem: Problem, modes: Modes, mechanism: Mechanism, c: np.ndarray) -
     g = np.flatnonzero(place[problem.gear_coordinate] >= 0)
     of = {"rate_free": c, "rate_scale": c, "gear_rotor": g, "gear_lines": g, "gear_held": g}
     taken = {name: getattr(problem, name)[of.get(name, e)] for name in (*of, *_OF_ENTRIES)}
-    part = problem._replace(
+    alone = problem._replace(
         **taken | {"coordinate": place[taken["coordinate"]]},
         rate_slope=problem.rate_slope[np.ix_(c, c)],
         contact=problem.contact[np.ix_(t, np.append(0, 1 + c))],
@@ -75,7 +75,7 @@ def _part(problem: Problem, modes: Modes, mechanism: Mechanism, c: np.ndarray) -
         c,
         e,
         g,
-        part,
+        alone,
         own,
         Mechanism(
             mechanism.closed,

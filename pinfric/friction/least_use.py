@@ -134,7 +134,7 @@ def make_rest(
     wide = np.maximum(box, max(_WEDGED, 2.0 * float(uses.max(initial=0.0))))
     wide[shared.follows] = np.inf
     narrow = np.where(unlimited, wide, box + least) if certain else wide
-    rest = Rest(
+    arrays = Rest(
         unit=unit,
         x0=x / unit,
         N=np.ascontiguousarray(shared.N * (unit[free] / unit[:, None])),
@@ -151,8 +151,8 @@ def make_rest(
     )
     maps = maps @ axes / unit[owner, None, None]
     return (
-        _boxed(rest, narrow, free, maps),
-        _boxed(rest, wide, free, maps),
+        _boxed(arrays, narrow, free, maps),
+        _boxed(arrays, wide, free, maps),
         bool((rank <= 2).all()),
         bool(certain),
     )

@@ -62,8 +62,8 @@ def find_all(
     nz, reduced = reduce_problem(problem, stuck, direction, rows)
     if not 0 < nz <= MOST_COUPLED:
         return Frictions([], 0, None)
-    found, parts, complete = _Rays(reduced).search()
-    solutions = [reduced.X[:, 0] + reduced.X[:, 1:] @ z for z in found]
+    roots, parts, complete = _Rays(reduced).search()
+    solutions = [reduced.X[:, 0] + reduced.X[:, 1:] @ z for z in roots]
     return Frictions(solutions, parts, complete)
 
 
@@ -98,10 +98,10 @@ def from_many_starts(
     return found
 
 
-def distinct(found: np.ndarray) -> list[np.ndarray]:
+def distinct(frictions: np.ndarray) -> list[np.ndarray]:
     """Return the frictions (n, nc) that differ by more than rounding: each by its own scale."""
     kept: list[np.ndarray] = []
-    for x in found:
+    for x in frictions:
         floor = _ROUNDING * float(np.abs(x).max(initial=0.0))
         if all(
             (np.abs(x - other) > _DISTINCT * np.maximum(np.abs(x), np.abs(other)) + floor).any()
@@ -147,31 +147,31 @@ class _Rays:
 
     def search(self) -> tuple[list[np.ndarray], int, bool]:
         """All solutions z, the simplices looked at, and whether these were enough."""
-        found: list[np.ndarray] = []
+        solutions: list[np.ndarray] = []
         waiting, parts, complete = np.eye(1 + len(self.scale))[None], 0, True
         while len(waiting) and complete:
             V, waiting = waiting[-_AT_ONCE:], waiting[:-_AT_ONCE]  # corners are columns
             parts += len(V)
             if parts > MOST_PARTS:
-                return self._frictions(found), parts, False
+                return self._frictions(solutions), parts, False
             V = V[~self._are_empty(V)]
             small = np.abs(V - V[:, :, :1]).max(axis=(1, 2)) < _SMALL
             cut = ~small
             for k in np.flatnonzero(self._are_single(V) | small):
-                done = any(self._inside(V[k], u) for u in found)
+                done = any(self._inside(V[k], u) for u in solutions)
                 u = None if done else self._newton(V[k].mean(axis=1))
                 if u is not None and u[0] > 0.0:
-                    if all(np.abs(u - other).max() > _DISTINCT for other in found):
-                        found.append(u)
+                    if all(np.abs(u - other).max() > _DISTINCT for other in solutions):
+                        solutions.append(u)
                     done = self._inside(V[k], u)
                 cut[k] &= not done
-                near = any(np.abs(u - V[k, :, 0]).max() < 10.0 * _SMALL for u in found)
+                near = any(np.abs(u - V[k, :, 0]).max() < 10.0 * _SMALL for u in solutions)
                 complete &= done or near or not small[k]
             waiting = np.concatenate([waiting, _halves(V[cut])])
-        return self._frictions(found), parts, complete
+        return self._frictions(solutions), parts, complete
 
-    def _frictions(self, found: list[np.ndarray]) -> list[np.ndarray]:
-        return [self.offset + self.sign * (self.select @ u) / u[0] for u in found]
+    def _frictions(self, solutions: list[np.ndarray]) -> list[np.ndarray]:
+        return [self.offset + self.sign * (self.select @ u) / u[0] for u in solutions]
 
     def _are_empty(self, V: np.ndarray) -> np.ndarray:
         """(k,) bool: whether bounds of f show that no solution is in a simplex."""
@@ -216,13 +216,13 @@ class _Rays:
         """
         for _ in range(_PASSES):
             f = self.values(u[None, :, None])[0, :, 0]
-            left = _FOUND * (8 + len(f)) * np.abs(self.select @ u).max()
+            rounding = _FOUND * (8 + len(f)) * np.abs(self.select @ u).max()
             try:
                 inverse = np.linalg.inv(np.vstack([self.slopes(u[None])[0][0], np.ones(len(u))]))
             except np.linalg.LinAlgError:
                 return None
-            if np.abs(f).max() <= left:
-                far = np.abs(inverse[0, :-1]).sum() * left > _KNOWN * u[0]
+            if np.abs(f).max() <= rounding:
+                far = np.abs(inverse[0, :-1]).sum() * rounding > _KNOWN * u[0]
                 return None if far else u / u.sum()
             u = u - inverse[:, :-1] @ f
             if not np.isfinite(u).all() or (u < -1.0).any():

@@ -31,8 +31,8 @@ class Group(NamedTuple):
     @classmethod
     def of(cls, factor: np.ndarray, members: np.ndarray, slope: np.ndarray | None) -> Group:
         """Take coordinates (m,) together; see `Mechanism` for the factor (d, nc) and the slope."""
-        part = None if slope is None else slope[np.ix_(members, members)]
-        return cls(members, *inverse_of(factor[:, members], part))
+        own_slope = None if slope is None else slope[np.ix_(members, members)]
+        return cls(members, *inverse_of(factor[:, members], own_slope))
 
     def needs(self, rate: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return b (r,) of rates x = b that takes rates (m,) away, and what (m,) of them stays."""
@@ -181,11 +181,11 @@ def _newton(
         H = (A * weight) @ A.T - (along * (weight / speed**2 / number)) @ along.T
         towards = -across.T @ gradient(w)
         step = across @ np.linalg.lstsq(across.T @ H @ across, towards, rcond=1e-14)[0]
-        damping, now = 1.0, resistance(w)
-        while damping > 1e-6 and resistance(w + damping * step) > now:
+        damping, before = 1.0, resistance(w)
+        while damping > 1e-6 and resistance(w + damping * step) > before:
             damping *= 0.5
         w = w + damping * step
         if np.abs(step).max() <= 1e-13 * np.abs(w).max() or damping <= 1e-6:
             break
-    left = gradient(w)
-    return w, bool(np.linalg.norm(across.T @ left) <= _STATIONARY * np.linalg.norm(left))
+    slope = gradient(w)
+    return w, bool(np.linalg.norm(across.T @ slope) <= _STATIONARY * np.linalg.norm(slope))

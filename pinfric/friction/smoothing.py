@@ -43,13 +43,13 @@ def guess_modes(problem: Problem, modes: Modes, mechanism: Mechanism) -> None:
     width = scale
     while width > _SHARPEST * scale:
         for _ in range(_PASSES):
-            now, most = left(x), float(np.abs(x).max())
-            if not np.abs(now).max() > _LEFT * most:
+            residual, most = left(x), float(np.abs(x).max())
+            if not np.abs(residual).max() > _LEFT * most:
                 break
             small = _SMALL * (most or 1.0)
-            slope = np.array([left(x + small * unit) - now for unit in np.eye(n)]).T / small
-            step, damping = np.linalg.lstsq(slope, -now, rcond=None)[0], 1.0
-            size = np.linalg.norm(now)
+            slope = np.array([left(x + small * unit) - residual for unit in np.eye(n)]).T / small
+            step, damping = np.linalg.lstsq(slope, -residual, rcond=None)[0], 1.0
+            size = np.linalg.norm(residual)
             while damping > 1e-4 and not np.linalg.norm(left(x + damping * step)) < size:
                 damping *= 0.5
             x = x + damping * step

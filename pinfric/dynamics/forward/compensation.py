@@ -70,13 +70,13 @@ class CompensationOptions:
         rows = np.empty((7, len(scene.drives)))
         for row, entry in zip(rows, fields(self), strict=True):
             where = f"{scene.source}: CompensationOptions.{entry.name}"
-            given = real_numbers(where, getattr(self, entry.name))
-            if given.shape not in ((), row.shape) or not (given >= 0.0).all():
+            numbers = real_numbers(where, getattr(self, entry.name))
+            if numbers.shape not in ((), row.shape) or not (numbers >= 0.0).all():
                 raise StateError(
                     f"{where}: should be one number, or {row.size} (one per drive), not below 0; "
-                    f"found {np.array2string(given, threshold=9)}"
+                    f"found {np.array2string(numbers, threshold=9)}"
                 )
-            row[:] = given
+            row[:] = numbers
         if (rows[6] > 1.0).any():
             raise StateError(
                 f"{scene.source}: CompensationOptions.measured_scale: {rows[6].max():g} drives a "
@@ -176,7 +176,7 @@ def make_compensated(scene: Scene) -> Compensated:
     """
     check_compensated(scene, based=True)
     tables, nv, drives = scene.site_tables, scene.model.nv, scene.drives
-    P, part = delivery(drives, nv), taking_part(drives)
+    P, coupled = delivery(drives, nv), taking_part(drives)
     own = np.array([drive.velocity_index for drive in drives], dtype=np.int64)
     return Compensated(
         sites=tables._replace(joint=np.arange(len(scene.sites))),
@@ -184,7 +184,7 @@ def make_compensated(scene: Scene) -> Compensated:
         own=own,
         rate=rate_rows(drives, nv),
         delivery=P if P.size else np.eye(len(drives)),
-        together=np.isin(np.arange(nv), own[list(part)]),
+        together=np.isin(np.arange(nv), own[list(coupled)]),
     )
 
 
@@ -248,7 +248,7 @@ LARGEST_ACCELERATION = LARGEST_ERROR = 1e6
 def reach(scene: Scene) -> Reach:
     """Return one turn (1 m) beyond each joint's limits, and ten times its greatest speed."""
     model, nv = scene.model, scene.model.nv
-    found = Reach(np.full(nv, -1e6), np.full(nv, 1e6), np.full(nv, 1e6))
+    bounds = Reach(np.full(nv, -1e6), np.full(nv, 1e6), np.full(nv, 1e6))
     for row, joint in enumerate(list(model.joints)[1:]):
         if joint.nv != 1:
             continue
@@ -258,11 +258,11 @@ def reach(scene: Scene) -> Reach:
             low, high = (
                 x[joint.idx_q] for x in (model.lowerPositionLimit, model.upperPositionLimit)
             )
-            found.least[v] = max(np.nan_to_num(low, nan=-1e6) - spare, -1e6)
-            found.greatest[v] = min(np.nan_to_num(high, nan=1e6) + spare, 1e6)
+            bounds.least[v] = max(np.nan_to_num(low, nan=-1e6) - spare, -1e6)
+            bounds.greatest[v] = min(np.nan_to_num(high, nan=1e6) + spare, 1e6)
         if model.velocityLimit[v] > 0.0:
-            found.fastest[v] = 10.0 * min(model.velocityLimit[v], 1e5)
-    return found
+            bounds.fastest[v] = 10.0 * min(model.velocityLimit[v], 1e5)
+    return bounds
 
 
 def check_reach(scene: Scene, bounds: Reach, q: np.ndarray, motion: Mapping[str, Any]) -> None:
@@ -278,16 +278,16 @@ def check_reach(scene: Scene, bounds: Reach, q: np.ndarray, motion: Mapping[str,
     at, of = np.array(place, dtype=int).reshape(-1, 2).T
     largest = {"a": LARGEST_ACCELERATION, "error": LARGEST_ERROR}
     checked = [("q", q[at], bounds.least[of], bounds.greatest[of], of)]
-    for name, given in motion.items():
-        if given is not None:
-            top = np.broadcast_to(largest.get(name, bounds.fastest), given.shape)
-            checked.append((name, given, -top, top, np.arange(given.size)))
-    for name, given, low, high, column in checked:
-        inside = (given >= low) & (given <= high)
+    for name, values in motion.items():
+        if values is not None:
+            top = np.broadcast_to(largest.get(name, bounds.fastest), values.shape)
+            checked.append((name, values, -top, top, np.arange(values.size)))
+    for name, values, low, high, column in checked:
+        inside = (values >= low) & (values <= high)
         if not inside.all():
             i = int(np.argmin(inside))
             raise StateError(
-                f"{name}: {freedom_names(scene)[column[i]]!r}: {given[i]:g}: should be a number "
+                f"{name}: {freedom_names(scene)[column[i]]!r}: {values[i]:g}: should be a number "
                 f"from {low[i]:.4g} to {high[i]:.4g} (rad or m, s); in degrees?"
             )
 

@@ -142,9 +142,9 @@ class Constraints:
         rank = int((size > RANK * max(float(size[0]), 1e-300)).sum())
         if rank == self._nv:
             return np.zeros(self._nv)
-        left = np.eye(self._nv) - right[:rank].T @ right[:rank]
-        left[np.abs(left).max(axis=1) <= _MOVES_NOT] = 0.0  # no remaining motion moves it
-        return self._stopped(left @ v, stopped)
+        allowed = np.eye(self._nv) - right[:rank].T @ right[:rank]
+        allowed[np.abs(allowed).max(axis=1) <= _MOVES_NOT] = 0.0  # no remaining motion moves it
+        return self._stopped(allowed @ v, stopped)
 
     def stop(
         self, q: np.ndarray, v: np.ndarray, stopped: np.ndarray

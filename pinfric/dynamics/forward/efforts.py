@@ -90,9 +90,9 @@ def make_effort(
     if callable(effort):
         return Effort(effort, own, given=given)
     if isinstance(effort, Mapping):
-        made = _by_name(scene, effort, given)
+        of_drives = _by_name(scene, effort, given)
     elif isinstance(effort, tuple) and len(effort) == 2 and np.ndim(effort[0]) == 1:
-        made = _table(given, effort[0], effort[1], len(scene.drives))
+        of_drives = _table(given, effort[0], effort[1], len(scene.drives))
     else:
         values = _numbers(given, effort)
         if values.shape != (len(scene.drives),):
@@ -100,10 +100,10 @@ def make_effort(
                 f"{given}: shape {values.shape}; should be ({len(scene.drives)},), one for each of "
                 f"{', '.join(scene.actuator_names)}; a table over time is (times, values)"
             )
-        made = Effort(lambda t, q, v: values, np.zeros(0), np.inf)
-    breaks = np.union1d(made.breakpoints, own)
-    constant = made.finest == np.inf and not breaks.size  # asked once
-    return Effort(made.function, breaks, made.finest, given, held=constant)
+        of_drives = Effort(lambda t, q, v: values, np.zeros(0), np.inf)
+    breaks = np.union1d(of_drives.breakpoints, own)
+    constant = of_drives.finest == np.inf and not breaks.size  # asked once
+    return Effort(of_drives.function, breaks, of_drives.finest, given, held=constant)
 
 
 def by_name(names: Sequence[str], given: Mapping[str, Any], what: str) -> np.ndarray:
@@ -143,9 +143,9 @@ def _by_name(scene: Scene, entries: Mapping[str, Any], given: str) -> Effort:
             )
         i = names.index(name)
         if isinstance(entry, TableEffort):
-            part = _csv_column(scene, entry.table, name, given)
-            varying.append((i, _first_column(part.function)))
-            breaks.append(part.breakpoints)
+            value_of = _csv_column(scene, entry.table, name, given)
+            varying.append((i, _first_column(value_of.function)))
+            breaks.append(value_of.breakpoints)
         elif isinstance(entry, SineEffort):
             varying.append((i, _sine(entry)))
             if finest is not None and entry.sine.angular_frequency:
@@ -164,8 +164,8 @@ def _by_name(scene: Scene, entries: Mapping[str, Any], given: str) -> Effort:
 
     def function(t: float, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         out = constant.copy()
-        for i, part in varying:
-            out[i] = part(t, q, v)
+        for i, value_of in varying:
+            out[i] = value_of(t, q, v)
         return out
 
     return Effort(function, np.unique(np.concatenate(breaks)), finest)
@@ -240,9 +240,9 @@ def _csv_column(scene: Scene, table: str, name: str, given: str) -> Effort:
     return _table(where, numbers[:, 0], numbers[:, 1:], 1)
 
 
-def _numbers(where: str, given: Any) -> np.ndarray:
+def _numbers(where: str, values: Any) -> np.ndarray:
     try:
-        array = np.array(real_numbers(where, given))  # what the caller does to his later stays his
+        array = np.array(real_numbers(where, values))  # what the caller does to his later stays his
     except StateError as problem:
         raise StateError(
             f"{problem}, (times, values), a mapping by drive or a function of (t, q, v)"

@@ -103,16 +103,16 @@ class Failures:
         rows = k.J[0, closure.off_joint : closure.off_joint + closure.multipliers]
         return lightest_joint(self._scene.model, self._machine.maps.M, rows)
 
-    def failure(self, found: SearchOutcome, state: State) -> AccelerationError:
+    def failure(self, outcome: SearchOutcome, state: State) -> AccelerationError:
         """Return the error with the reason and the joint for which no acceleration was found."""
-        jammed = self._jam(found, state)
-        if jammed and found in (SearchOutcome.NONE, SearchOutcome.UNSTABLE):
+        jammed = self._jam(outcome, state)
+        if jammed and outcome in (SearchOutcome.NONE, SearchOutcome.UNSTABLE):
             return jammed
         contraction, (modes, names) = self._modes.figures[0], self._resting()
         finding: type[AccelerationError] = NoConsistentAcceleration
         (many, stable), tried = self._count.many, self._count.tried
         counted = f"{many} in {tried} mode{'s' * (tried != 1)} tried{modes}"
-        if many and found == SearchOutcome.UNDECIDED:
+        if many and outcome == SearchOutcome.UNDECIDED:
             counted += ", others are not ruled out"
         reason = f"{counted}; neither sticking nor slipping either way is consistent"
         if contraction >= 1.0:
@@ -121,7 +121,7 @@ class Failures:
                 f"{contraction:.4g}); below 1 there would be one: less friction, smaller radii or "
                 "more inertia"
             )
-        if found == SearchOutcome.AMBIGUOUS:
+        if outcome == SearchOutcome.AMBIGUOUS:
             finding = AmbiguousAcceleration
             if many > 1 and stable != many:
                 reason = f"{counted}, {stable or 'none'} of them stable"
@@ -131,9 +131,9 @@ class Failures:
                     "away and the others hold, or another set of as many; the motion before this "
                     "state, or method 'timestepping' of simulate, would decide"
                 )
-        elif found == SearchOutcome.NOT_CONVERGED:
+        elif outcome == SearchOutcome.NOT_CONVERGED:
             reason = f"the coupled solve does not reach its tolerance (contraction {contraction})"
-        elif found == SearchOutcome.UNDECIDED:
+        elif outcome == SearchOutcome.UNDECIDED:
             finding = UndecidedAcceleration
             if self._count.unsure:
                 reason = (
@@ -174,15 +174,15 @@ class Failures:
 
     def _decided(self) -> np.ndarray:
         """(nc,) bool: the coordinates that decided the outcome, one island or all."""
-        every = np.arange(self._modes.stuck.size)
-        return np.isin(every, self._count.island if self._count.island.size else every)
+        coordinates = np.arange(self._modes.stuck.size)
+        return np.isin(coordinates, self._count.island if self._count.island.size else coordinates)
 
     def _as_given(self, state: State) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Copies of q, v, and of efforts or motor torques, as they were given."""
         ratio = self._plan.drives.gears.ratio if self._given == "motor_torque" else 1.0
         return state[0].copy(), state[1].copy(), state[2] / ratio
 
-    def _jam(self, found: SearchOutcome, state: State) -> GearJam | None:
+    def _jam(self, outcome: SearchOutcome, state: State) -> GearJam | None:
         """The error for moving self-locking gears without an answer, or a single stable one."""
         m, drives = self._modes, self._plan.drives
         kept = m.stuck.copy()
@@ -205,9 +205,9 @@ class Failures:
         )
         if drives.gears.rotor_inertia[d] == 0.0:
             reason = f"its rotor has no inertia; {reason}"
-        if found == SearchOutcome.UNSTABLE:
+        if outcome == SearchOutcome.UNSTABLE:
             reason = f"the one acceleration that obeys its law is unstable; {reason}"
-        elif found == SearchOutcome.NONE:
+        elif outcome == SearchOutcome.NONE:
             tried = self._count.tried
             reason = f"no acceleration obeys its law ({tried} modes tried); {reason}"
         return GearJam(

@@ -206,17 +206,17 @@ def _at_each(
                 f"{name} needs {samples} rows"
             )
     wrenches = [] if external is None else applied_wrenches(ws.scene, external, samples)
-    found = []
+    instants = []
     for i in range(samples):
-        applied = [AppliedWrench(one.joint, one.wrench[i : i + 1]) for one in wrenches]
+        applied = [AppliedWrench(w.joint, w.wrench[i : i + 1]) for w in wrenches]
         effort: Any = given if isinstance(given, Mapping) or np.ndim(given) < 2 else given[i]
         try:
             solve_state(ws, q[i], v[i], effort, applied or None)
         except PinfricError as problem:
             problem.args = (f"sample {i}: {problem}", *problem.args[1:])
             raise
-        found.append(instant(ws))
-    return Instant._make(np.array(figures) for figures in zip(*found, strict=True))
+        instants.append(instant(ws))
+    return Instant._make(np.array(figures) for figures in zip(*instants, strict=True))
 
 
 def solve_state(

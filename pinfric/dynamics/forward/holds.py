@@ -105,19 +105,21 @@ def holds(
     modes = ws.modes
     modes.stuck[:] = ws.plan.coordinates.dry
     ws.assemble(q, v, u, applied)
-    found = _decide_all(ws, q, u, applied)
+    verdict = _decide_all(ws, q, u, applied)
     modes.stuck[:], modes.direction[:] = ws.plan.coordinates.dry, 0.0
-    modes.friction[:] = np.where(np.isfinite(found.friction), found.friction, 0.0)
+    modes.friction[:] = np.where(np.isfinite(verdict.friction), verdict.friction, 0.0)
     evaluate(ws.problem, modes.friction, modes.load, modes.rate)
     ws.finish()
-    moving = _moving(ws) if found.held else ()
-    friction = ws.phi.copy() if np.isfinite(found.friction).all() else np.full(ws.phi.size, np.nan)
+    moving = _moving(ws) if verdict.held else ()
+    friction = (
+        ws.phi.copy() if np.isfinite(verdict.friction).all() else np.full(ws.phi.size, np.nan)
+    )
     return StaticHold(
-        held=False if moving else found.held,
-        use=found.use,
-        proved=found.proved or bool(moving),
-        least=found.least,
-        at_limit=_at_limit(ws, found.use),
+        held=False if moving else verdict.held,
+        use=verdict.use,
+        proved=verdict.proved or bool(moving),
+        least=verdict.least,
+        at_limit=_at_limit(ws, verdict.use),
         moving=moving,
         friction=friction,
         normal_load=ws.load.copy(),
@@ -156,12 +158,12 @@ def _decide(
     if not dry.any():
         return Verdict(True, 0.0, np.zeros(len(dry)), True, True)
     if not ws.mechanism.balls:
-        made = without_gears(ws.problem, ws.modes, lines_and_rows(ws.problem, ws.modes)[1])
-        assert made is not None  # no gear is in motion
-        plain, of_y = made
+        without = without_gears(ws.problem, ws.modes, lines_and_rows(ws.problem, ws.modes)[1])
+        assert without is not None  # no gear is in motion
+        plain, of_y = without
         shift = of_y[:, 0] if of_y.size else np.zeros(len(dry))
-        found = decide(plain, ws.mechanism.factor, dry, _statics(ws, dry, shift), least=True)
-        return replace(found, friction=found.friction + shift)
+        verdict = decide(plain, ws.mechanism.factor, dry, _statics(ws, dry, shift), least=True)
+        return replace(verdict, friction=verdict.friction + shift)
     # a ball's limit is a sphere: its friction is found as in forward dynamics
     resting, nothing = np.flatnonzero(dry), np.zeros(len(dry))
     balance, block = _statics(ws, dry, nothing), ws.mechanism.block[dry]
@@ -197,11 +199,11 @@ def _statics(ws: Workspace, resting: np.ndarray, shift: np.ndarray) -> Balance:
     rows, need, terms = Z.T @ D.T, -Z.T @ push, np.abs(Z.T) @ _terms(ws)
     rows[:, dead] = 0.0
     size = np.linalg.norm(rows, axis=0)
-    left, values, _ = np.linalg.svd(rows / np.where(dead, 1.0, size))
+    U, values, _ = np.linalg.svd(rows / np.where(dead, 1.0, size))
     rank = int((values > RANK * values[:1]).sum())
     if rank == d:
         return Balance(rows, need, terms)
-    held, B = left[:, :rank].T, left[:, rank:]
+    held, B = U[:, :rank].T, U[:, rank:]
     M = Z.T @ w.M @ Z
     need = need - M @ B @ np.linalg.solve(B.T @ M @ B, B.T @ need)
     return Balance(held @ rows, held @ need, np.abs(held) @ terms)

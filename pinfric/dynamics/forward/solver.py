@@ -249,9 +249,9 @@ class _Sample:
         self.whole = x = make_sample(ws, scene)
         self.q, self.v, self.a = x.q, x.v[0], x.a[0]
         self.argument = box_sample(x)
-        every = x.found._asdict() | x._asdict()
-        found = {name: every[name][0] for name in InverseInstant._fields[:-2]}
-        self.found = InverseInstant(**found, gear_ratio=x.gears.ratio, status=Status.CONVERGED)
+        fields = x.found._asdict() | x._asdict()
+        figures = {name: fields[name][0] for name in InverseInstant._fields[:-2]}
+        self.found = InverseInstant(**figures, gear_ratio=x.gears.ratio, status=Status.CONVERGED)
 
 
 def compensated_sample(ws: Workspace, scene: Scene) -> CompensatedSample:
@@ -288,19 +288,19 @@ def compensated_states(
     """
     ws = Workspace(scene, None)
     x, rows, still = compensated_sample(ws, scene), _DEFAULT.table(scene), np.zeros(ws.nv)
-    flags, found = _FLAGS[False, False, False], np.empty((len(q), len(scene.drives)))
-    for state, out in zip(zip(q, v, a, strict=True), found, strict=True):
+    flags, friction = _FLAGS[False, False, False], np.empty((len(q), len(scene.drives)))
+    for state, out in zip(zip(q, v, a, strict=True), friction, strict=True):
         ws.pinocchio.balance(*state)
         compensate_sample(x, *state, state[1], still, still, flags, rows, out)
-    return list(found)
+    return list(friction)
 
 
 class _Compensated:
     """What the kernel of `compensate` takes, and the compiled options of the last call."""
 
     def __init__(self, ws: Workspace, scene: Scene) -> None:
-        made = compensated_sample(ws, scene)
-        self.reach, self.argument = made.reach, box_compensated(made)
+        sample = compensated_sample(ws, scene)
+        self.reach, self.argument = sample.reach, box_compensated(sample)
         self.still, self.na = np.zeros(ws.nv), len(scene.drives)
         self._scene, self._options = scene, _DEFAULT
         self._rows = self._tables(self._options)
@@ -410,10 +410,10 @@ class Solver:
         changed = scene.with_coefficients(entries)
         if changed is None:
             return Solver(scene.with_(friction={**scene.friction, **entries}), self._carried)
-        made = object.__new__(Solver)
-        made.scene, made._carried, made._frames = changed, self._carried, self._frames
-        made._own = _Buffers(changed, self._carried, self._own)
-        return made
+        solver = object.__new__(Solver)
+        solver.scene, solver._carried, solver._frames = changed, self._carried, self._frames
+        solver._own = _Buffers(changed, self._carried, self._own)
+        return solver
 
     def __reduce__(self) -> tuple[Any, ...]:
         return Solver, (self.scene, self._carried)  # another process makes buffers of its own
@@ -499,15 +499,15 @@ class Solver:
         states = States.of(self.scene, q, v, a, None, attached)
         check_shares(self.scene)
         solve = solve_tree if self.scene.linkage is None else solve_linkage
-        found = solve(self.scene, states, applied, slice(0, 1), 1)
-        if found.wrench is None:  # nothing depends on reactions, and nothing is applied
+        batch = solve(self.scene, states, applied, slice(0, 1), 1)
+        if batch.wrench is None:  # nothing depends on reactions, and nothing is applied
             ws, _ = self._own.both
             ws.pinocchio.balance(states.q[0], states.v[0], states.a[0])
             wrench = ws.pinocchio.views.force[1 + ws.plan.sites.joint]
-            found = replace(found, wrench=wrench[None])
-        figures = {name: getattr(found, name)[0] for name in InverseInstant._fields[:-2]}
+            batch = replace(batch, wrench=wrench[None])
+        figures = {name: getattr(batch, name)[0] for name in InverseInstant._fields[:-2]}
         ratio = np.array([drive.ratio for drive in self.scene.drives])
-        return InverseInstant(**figures, gear_ratio=ratio, status=Status(found.status[0]))
+        return InverseInstant(**figures, gear_ratio=ratio, status=Status(batch.status[0]))
 
     def forward(
         self,
@@ -592,15 +592,15 @@ class Solver:
             See `forward` and `inverse_derivatives`.
         """
         check_differentiable(self.scene)
-        found = self.forward(q, v, effort, motor_torque=motor_torque, external=external)
+        instant = self.forward(q, v, effort, motor_torque=motor_torque, external=external)
         motors = effort is None
         ws, derived = self._workspace(motors), self._differentiator(motors)
         applied, q, v = derived.checked(external, q, v)
         if ws.must_project:
-            q = States.of(self.scene, q, v, found.a).q[0]
+            q = States.of(self.scene, q, v, instant.a).q[0]
         if ws.held.size:
             v = np.where(np.isin(np.arange(ws.nv), ws.held), 0.0, v)
-        return derived.of_solution(applied, q, v, found.a, ws.held, motors)
+        return derived.of_solution(applied, q, v, instant.a, ws.held, motors)
 
     def parameter_derivatives(
         self, q: np.ndarray, v: np.ndarray, a: np.ndarray, names: Sequence[str]
@@ -645,20 +645,22 @@ class Solver:
 
     def _workspace(self, motors: bool) -> Workspace:
         """The workspace for efforts, or for torques of motors, made at first."""
-        made = self._own.given
-        if motors not in made:
+        workspaces = self._own.given
+        if motors not in workspaces:
             with compiling():
-                made[motors] = Workspace(self.scene, self._carried, motors=motors)
-        return made[motors]
+                workspaces[motors] = Workspace(self.scene, self._carried, motors=motors)
+        return workspaces[motors]
 
     def _differentiator(self, motors: bool) -> Differentiator:
         """Derivatives in the workspace for efforts, or for torques of motors."""
-        made = self._own.derived
-        if motors not in made:
+        differentiators = self._own.derived
+        if motors not in differentiators:
             ws = self._workspace(motors)
             with compiling():
-                made[motors] = Differentiator(self.scene, ws.pinocchio, ws.machine, ws.argument)
-        return made[motors]
+                differentiators[motors] = Differentiator(
+                    self.scene, ws.pinocchio, ws.machine, ws.argument
+                )
+        return differentiators[motors]
 
     def compensate(
         self,
@@ -802,9 +804,9 @@ class Solver:
 
     def _normalize(self, x: _Sample) -> np.ndarray:
         """Return q (nq,) on its manifold, or raise the error of the state or of its solution."""
-        q, found = States.of(self.scene, x.q, x.v, x.a).q[0], x.whole.found
+        q, figures = States.of(self.scene, x.q, x.v, x.a).q[0], x.whole.found
         if np.array_equal(q, x.q):
-            check_finite(self.scene, (found.effort_lower, found.effort_upper), 0)
+            check_finite(self.scene, (figures.effort_lower, figures.effort_upper), 0)
             motors = x.whole.motor_torque_lower, x.whole.motor_torque_upper
             check_finite(self.scene, motors, 0)
         return q

@@ -115,8 +115,8 @@ class Workspace:
         geared = drives.gear_coordinate[drives.gear_coordinate >= 0]
         self._geared = bool(geared.size)
         # losses grow steadily with speed: at no speed or at a large one slopes are least
-        every = ((d, x) for d in np.flatnonzero(drives.gear_coordinate >= 0) for x in (0.0, 1e6))
-        self._locks = any(slope_range(drives.gears, d, x)[0] <= 0.0 for d, x in every)
+        pairs = ((d, x) for d in np.flatnonzero(drives.gear_coordinate >= 0) for x in (0.0, 1e6))
+        self._locks = any(slope_range(drives.gears, d, x)[0] <= 0.0 for d, x in pairs)
         names = zip(scene.site_names, t.site_coordinate.tolist(), strict=True)
         self.places = [(name, c, bool(coordinates.ball[c])) for name, c in names]
         self._alone = np.setdiff1d(geared, t.entries.coordinate)
@@ -298,18 +298,18 @@ class Workspace:
         v: np.ndarray,
         effort: np.ndarray,
         applied: list[AppliedWrench] | None,
-        given: GivenModes,
+        fixed: GivenModes,
     ) -> None:
         """Find friction and accelerations in given modes.
 
         Args, raises: see `solve`.
         """
-        self.modes.stuck[:], self.modes.direction[:] = given.stuck, given.direction
+        self.modes.stuck[:], self.modes.direction[:] = fixed.stuck, fixed.direction
         if self._kept is not None and self._kept == self._key(q, v, effort, applied):
             return  # nothing moves and nothing has changed
         if self.slides(q, v, effort, applied, GIVEN):
             return
-        turned = TURNED if self.mechanism.balls and given.balls_turn else GIVEN
+        turned = TURNED if self.mechanism.balls and fixed.balls_turn else GIVEN
         solutions, obeying, resting = self._run(q, v, effort, applied, turned)
         if obeying == 1 and resting >= 0 and self.is_sure():
             return
@@ -448,7 +448,7 @@ def rehearse(ws: Workspace) -> None:
     q, v, effort = closed_configuration(ws.scene), np.zeros(ws.nv), np.zeros(ws.na)
     m = ws.argument
     state = m, q, v, effort
-    for made, arguments in (
+    for function, arguments in (
         (solve_instant, (*state, 0.0, FREE)),
         (finish, (m,)),
         (accelerations_under_friction, (m, ws.a)),
@@ -458,13 +458,13 @@ def rehearse(ws: Workspace) -> None:
         *ws.kernels_of_sliding(),
         *_kernels_of_search(ws.problem, ws.modes),
     ):
-        compile_for(made, *arguments)
+        compile_for(function, *arguments)
     dry = ws.plan.coordinates.dry
-    rest = GivenModes(dry, np.zeros(len(dry)))
+    stuck = GivenModes(dry, np.zeros(len(dry)))
     with compiling():
         for push in (0.0, _OVERWHELMING):
             with suppress(PinfricError):
-                ws.solve_given_modes(q, v, effort + push, None, rest)
+                ws.solve_given_modes(q, v, effort + push, None, stuck)
 
 
 def _kernels_of_search(problem: Problem, modes: Modes) -> list[tuple[Any, tuple[Any, ...]]]:

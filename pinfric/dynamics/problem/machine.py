@@ -457,7 +457,7 @@ class Pinocchio:
             moved = self.twin.displacements(springs.joint, q[None])
             R, p = self.views.R[None, 1:], self.views.p[None, 1:]
             acting += [(row, pull[0]) for row, pull in springs.wrenches(moved, p, R)]
-        row, wrench = (np.array(part) for part in zip(*acting, strict=True))
+        row, wrench = (np.array(column) for column in zip(*acting, strict=True))
         self.relieve(row, np.repeat(_THERE, len(row), axis=0), wrench)
 
     def relieve(self, row: np.ndarray, action: np.ndarray, wrench: np.ndarray) -> bool:
@@ -497,12 +497,14 @@ class Pinocchio:
     def _inertias(self, lever: np.ndarray) -> np.ndarray:
         """(1 + nj, 6) rotational inertias: they stand behind the levers, which is tested."""
         rows, columns = np.array([0, 1, 1, 2, 2, 2]), np.array([0, 0, 1, 0, 1, 2])
-        given = np.array([y.inertia[rows, columns] for y in self.data.oYcrb])
+        inertias = np.array([y.inertia[rows, columns] for y in self.data.oYcrb])
         if not self.copies:
-            behind = np.lib.stride_tricks.as_strided(lever, (len(given), 9), lever.strides)[:, 3:]
-            if np.array_equal(behind, given):
+            behind = np.lib.stride_tricks.as_strided(lever, (len(inertias), 9), lever.strides)[
+                :, 3:
+            ]
+            if np.array_equal(behind, inertias):
                 return behind
-        out = np.zeros((len(given), 9))[:, 3:]
+        out = np.zeros((len(inertias), 9))[:, 3:]
         self.copies.append((out, _Inertias(self.data, rows, columns)))
         return out
 

@@ -281,11 +281,11 @@ def drive_delivery(scene: Scene) -> np.ndarray:
 def _kept(scene: Scene, what: str, make: Callable[[], Made]) -> Made:
     """Return what is made once for a scene; of scenes that share a twin, for the last one."""
     pools, key = scene.twin().pools, ("plan", what)
-    known, found = pools.get(key, (None, None))
+    known, value = pools.get(key, (None, None))
     if known is not scene:
-        found = make()
-        pools[key] = scene, found
-    return cast("Made", found)
+        value = make()
+        pools[key] = scene, value
+    return cast("Made", value)
 
 
 #: What a coordinate's rate is: that of a velocity, of an action, or of a coupled drive; else -1.
@@ -299,10 +299,10 @@ def _number_entries(scene: Scene, rubs: np.ndarray) -> tuple[list[_Key], Entries
     """
     linkage, tables = scene.linkage, scene.site_tables
     keys: list[_Key] = []
-    found: list[tuple[int, int, float]] = []  # (site, coordinate, ratio)
+    numbered: list[tuple[int, int, float]] = []  # (site, coordinate, ratio)
     first = []
     for s, site in enumerate(scene.sites):
-        first.append(len(found))
+        first.append(len(numbered))
         for i in range(3 if site.ball else 1):
             key = (int(site.velocity_index), -1, -1)
             if site.pair >= 0:
@@ -310,13 +310,13 @@ def _number_entries(scene: Scene, rubs: np.ndarray) -> tuple[list[_Key], Entries
                 key = (-1, int(linkage.friction_column[site.pair]) + i, -1)
             if key not in keys:
                 keys.append(key)
-            found.append((s, keys.index(key), float(site.ratio)))
+            numbered.append((s, keys.index(key), float(site.ratio)))
     entries = Entries(
-        site=np.array([s for s, _, _ in found], dtype=np.int64),
-        coordinate=np.array([c for _, c, _ in found], dtype=np.int64),
-        ratio=np.array([ratio for _, _, ratio in found], dtype=float),
-        velocity_index=np.array([keys[c][0] for _, c, _ in found], dtype=np.int64),
-        action=np.array([keys[c][1] for _, c, _ in found], dtype=np.int64),
+        site=np.array([s for s, _, _ in numbered], dtype=np.int64),
+        coordinate=np.array([c for _, c, _ in numbered], dtype=np.int64),
+        ratio=np.array([ratio for _, _, ratio in numbered], dtype=float),
+        velocity_index=np.array([keys[c][0] for _, c, _ in numbered], dtype=np.int64),
+        action=np.array([keys[c][1] for _, c, _ in numbered], dtype=np.int64),
     )
     bearings = [site.friction.bearing for site in scene.sites]
     levers = [None if bearing is None else bearing.roll_lever() for bearing in bearings]
@@ -334,7 +334,7 @@ def _number_entries(scene: Scene, rubs: np.ndarray) -> tuple[list[_Key], Entries
         Sites(
             joint=joint,
             first_entry=np.array(first, dtype=np.int64),
-            entry_count=np.diff([*first, len(found)]).astype(np.int64),
+            entry_count=np.diff([*first, len(numbered)]).astype(np.int64),
             laws=tables.laws,
             constant=tables.contacts.constant,
             varies=rubs & feels,
@@ -469,14 +469,14 @@ def _choose_contacts(
 
     `owner`, `force`: (nt,) each force's owner, and which of the scene's it is.
     """
-    given, tables = scene.site_tables.contacts, scene.site_tables
+    contacts, tables = scene.site_tables.contacts, scene.site_tables
     joint = np.union1d(np.arange(closure.shared), tables.joint).astype(np.int64)
     return ContactForces(
         joint=joint,
         site_row=np.searchsorted(joint, tables.joint).astype(np.int64),
         owner=owner,
-        site=given.site[force],
-        rank=given.rank[force],
-        map=given.map[force],
-        map_moved=given.map_moved[force],
+        site=contacts.site[force],
+        rank=contacts.rank[force],
+        map=contacts.map[force],
+        map_moved=contacts.map_moved[force],
     )
