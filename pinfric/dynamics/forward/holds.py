@@ -184,12 +184,10 @@ def _decide(
 
 
 def _statics(ws: Workspace, resting: np.ndarray, shift: np.ndarray) -> Balance:
-    """The equilibrium of friction at rest, Z^T D^T x = Z^T (h - S u), with Z all motions.
+    """The equilibrium of friction at rest, counted from a shift (nc,): Z^T D^T x = Z^T (h - S u).
 
-    Friction is counted from a shift (nc,).
-
-    Without the mass matrix, whose rounding would affect small limits; it contains the inertia of
-    motions Z B that nothing holds.
+    Z are all motions. The mass matrix, whose rounding would affect small limits, is left out; it
+    contains the inertia of motions Z B that nothing holds.
     """
     w, D = ws.machine.maps, ws.machine.kinematics.D[resting]
     dead = ~ws.mechanism.factor[:, resting].any(axis=0)

@@ -2,9 +2,9 @@
 
     u = M a + h - D phi     (paper eq. 16, 17; at rest eq. 21, 22),     a = M^-1 (u - h + D phi)
 
-In an open chain with joint drives Pinocchio's RNEA computes the wrenches of all joints in its
-`Data`; one kernel then computes loads, friction and efforts with the kernels of batches. Where
-reactions and friction are coupled, inverse dynamics is that of a batch of one sample.
+In an open chain with joint drives Pinocchio's RNEA computes the wrenches of all joints; one kernel
+then computes loads, friction and efforts. Where reactions and friction are coupled, inverse
+dynamics is that of a batch of one sample.
 """
 
 from __future__ import annotations
@@ -62,19 +62,11 @@ _FLAGS = {flags: np.array(flags) for flags in product((False, True), repeat=3)}
 
 
 class InverseInstant(NamedTuple):
-    """The efforts of a motion at one state; see `InverseResult` for the meaning of each figure.
+    """The efforts of a motion at one state; fields as in `InverseResult`, without its first axis.
 
     Attributes:
-        effort_lower, effort_upper: (na,) N m or N at the joints; equal where everything slides.
-        effort_frictionless: (na,) the same without friction.
-        motor_torque_lower, motor_torque_upper: (na,) at the motors' shafts; without gears the
-            efforts.
-        joint_effort_lower, joint_effort_upper: (na,) the same seen from the joints, ratio x
+        joint_effort_lower, joint_effort_upper: (na,) motors' torques seen from the joints, ratio x
             motor_torque: all that a torque command there contains.
-        sticking: (ns,) bool.
-        normal_load: (ns,) load c its friction acts on.
-        friction_lower, friction_upper: (ns,) of the parent on the child.
-        wrench: (ns, 6) parent on child, in the child's joint frame, linear first.
         gear_ratio: (na,) of the drives.
         status: `Status`; always `CONVERGED` unless reactions and friction are coupled.
     """
@@ -111,8 +103,6 @@ class InverseInstant(NamedTuple):
 class Sample(NamedTuple):
     """One sample of an open chain: its state, the tables of its scene, and the results.
 
-    Each drive moves one degree of freedom; what has none rubs nowhere, and must need no effort.
-
     Attributes:
         q, v, a: (nq,), (1, nv), (1, nv).
         chain: of the last RNEA.
@@ -120,8 +110,8 @@ class Sample(NamedTuple):
         geared: (1,) bool, whether a drive has a gear.
         turns: (1, na), False: no reversals.
         found: of this sample. wrench: (1, ns, 6).
-        drive: (na,) velocity of each. undriven, slack: (nu,) the others, and the effort there that
-            is none.
+        drive: (na,) velocity of each. undriven, slack: (nu,) the others, which have no friction,
+            and the effort there that counts as none.
         moved: (2, 1, na) velocities and accelerations of the drives.
         effort_frictionless, effort_lower, effort_upper: (1, na); those of `found` where every
             degree of freedom has a drive.
@@ -173,8 +163,7 @@ def finish_sample(x: Sample, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> boo
         x: q (nq,), v and a (nv,) of the motion are kept in it.
 
     Returns:
-        False if the state is invalid (`is_valid`), an effort overflows, or the motion may need one
-        where no drive is.
+        False: an invalid state (`is_valid`), an overflow, or possibly an effort where no drive is.
     """
     found, chain, wrench = x.found, x.chain, x.wrench  # arrays of a record are counted every time
     for i in range(q.size):
@@ -323,15 +312,14 @@ class _Compensated:
 
 
 class _Buffers(threading.local):
-    """What a solver computes in: each thread that calls it has its own, made at its first call.
+    """What a solver computes in: each thread has its own; each is made at its first use.
 
     Attributes:
         both: the workspace, and where each drive has its own joint a sample. A solver of other
             friction computes reactions in the workspace of the one it was made of.
-        given: the workspaces where efforts (False) and motors' torques (True) are given, made at
-            first; of such a solver that for efforts, too.
-        compensated: of `compensate`, made at its first call.
-        derived: derivatives in these two workspaces, made at first.
+        given: the workspaces where efforts (False) and motors' torques (True) are given.
+        compensated: of `compensate`.
+        derived: derivatives in these two workspaces.
     """
 
     def __init__(
@@ -350,9 +338,9 @@ class Solver:
     """Inverse and forward dynamics of one scene, one state at a time.
 
     For controllers, optimizers and integrators. When the solver is made, the kernels of `inverse`
-    and `forward` are compiled, which takes a minute or two with an empty cache (`compensate` waits
-    at its first call). The next call of the same thread overwrites the arrays of a result: copy
-    those that you want to keep. Later changes of `scene.model` do not affect the solver.
+    and `forward` are compiled, which takes a minute or two with an empty cache. The next call of
+    the same thread overwrites the arrays of a result: copy those that you want to keep. Later
+    changes of `scene.model` do not affect the solver.
 
     Attributes:
         scene: the scene, unchanged since.
@@ -548,8 +536,9 @@ class Solver:
         """Return the derivatives of the efforts of a motion by q, v and a.
 
         du = dtau_id - D ((dphi/dc) dc + (dphi/dv) dv), with c the load of each joint, exact in the
-        present modes; see `derivatives.wrenches` and `derivatives.efforts`. Where a joint rests,
-        its efforts have two ends, and dtau_dv is 0. The kernel is compiled at the first call.
+        modes of the state; see `derivatives.wrenches` and `derivatives.efforts`. Where a joint
+        rests, its efforts have two ends, and dtau_dv is 0. The kernel is compiled at the first
+        call.
 
         Args:
             q, v, a: (nq,), (nv,), (nv,) in rad, m and per second.
@@ -674,7 +663,7 @@ class Solver:
         options: CompensationOptions = _DEFAULT,
         external: Mapping[str, np.ndarray] | None = None,
     ) -> np.ndarray:
-        """Return the friction at a desired velocity that a controller adds, under the present load.
+        """Return the friction at a desired velocity that a controller adds, under the state's load.
 
         out = scale D(v_ref) + viscous_scale (P drag + motor's drag)(v_ref); see `compensation`. The
         header of `pinfric export --to cpp` computes the same (`friction`). Its kernels are compiled
