@@ -63,7 +63,7 @@ class Balance(NamedTuple):
     Attributes:
         rows: (d, n) A, of rank d.
         need: (d,) b.
-        terms: (d,) size of the terms that b is the sum of, the scale for rounding.
+        terms: (d,) size of the terms of b, the scale for rounding.
     """
 
     rows: np.ndarray

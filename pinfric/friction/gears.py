@@ -155,7 +155,7 @@ def guess_lines(
 ) -> None:
     """Choose lines with the loads of the last solution, of which `slip_friction` gives y (nc,).
 
-    Then one full solve is usually enough: without it a state takes 1.25 times as long.
+    Then one full solve is usually enough; without it a state takes 1.25 times as long.
 
     Args:
         lines, rows: see `write_rows`; overwritten.
@@ -187,7 +187,7 @@ def fit(problem: Problem, modes: Modes, lines: np.ndarray, rests: bool) -> tuple
         rests: whether to look at gears at rest.
 
     Returns:
-        How many gears left their line, and how many hold another interval than before.
+        How many gears left their line, and how many hold another interval.
     """
     left = changed = 0
     for g in range(problem.gear_rotor.shape[0]):
@@ -230,7 +230,7 @@ fit_within = inlined(fit)
 def _hold(problem: Problem, modes: Modes, g: int, low: float, high: float, effort: float) -> bool:
     """Let a gear at rest hold the interval that most efforts low to high are in, or the nearest.
 
-    Return whether it is another than before.
+    Return whether it changed.
     """
     held, given, e = problem.gear_held[g], problem.gear_rotor[g, 0], gear_entry(problem, g)
     best, chosen = -np.inf, 0

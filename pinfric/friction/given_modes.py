@@ -63,8 +63,8 @@ class Reduced(NamedTuple):
         unknown: (nc,) int: place of each coordinate in z, or -1.
         X: (nc, 1 + nz).
         offset: (nz,).
-        place, gain: (n,) of each of n contact forces: the place in z of the friction that follows
-            it, and the coefficient.
+        place, gain: (n,) of each contact force: the place in z of its friction, and the
+            coefficient.
         contact: (n, 1 + nz, 3).
     """
 
@@ -332,7 +332,7 @@ def solve_given_modes(
         figures: (2,), overwritten: contraction, passes.
 
     Returns:
-        Number of solutions; -1 if rounding hides the one that the contraction makes certain.
+        Number of solutions; -1 if rounding hides the certain one.
     """
     figures[0] = figures[1] = 0.0
     nz, reduced = reduce_problem(problem, stuck, direction, rows)

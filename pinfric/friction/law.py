@@ -155,7 +155,7 @@ def limit_width(lower: float, upper: float) -> float:
 def entry_friction(
     problem: Problem, modes: Modes, lower: np.ndarray, upper: np.ndarray, phi: np.ndarray
 ) -> None:
-    """Write each entry's friction (ne,); entries of a sticking coordinate share it as their limits.
+    """Write each entry's friction (ne,); those of a sticking coordinate share it like their limits.
 
     Args:
         modes: `Modes`, solved.

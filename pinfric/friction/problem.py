@@ -147,8 +147,8 @@ class Modes(NamedTuple):
     Attributes:
         stuck: (nc,) bool.
         direction: (nc,) of the slip, -1 or 1; 0 where it sticks or does not move.
-        at_rest: (nc,) bool. True: the search may change this mode, and the judge checks it. False:
-            the speed or the caller fixes it, and the judge ignores it.
+        at_rest: (nc,) bool, whether the search may change this mode and the judge checks it; else
+            the speed or the caller fixes it.
         friction: (nc,) N m or N; the guess of the next solve, NaN in the first place: none.
         load: (ne,) N m or N.
         effort: (ng,) that gears deliver (N m or N), which says on which line each is.

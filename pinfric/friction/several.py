@@ -4,10 +4,10 @@ In given modes friction that depends on loads is z_k = offset_k + sign_k y_k wit
 
     y_k = sum |gain| |p|,      p = P_0 + P y,      y >= 0
 
-In homogeneous coordinates u = (tau, y) every solution lies in the simplex tau + sum y = 1. It is
-cut into smaller ones until bounds of f_k(u) = y_k - sum |gain| |P u|, which is concave (above its
-chords, below its tangents), exclude solutions, or f is one to one, because forces keep their
-directions, and Newton's method finds the only one.
+In homogeneous coordinates u = (tau, y) every solution lies in the simplex tau + sum y = 1, which is
+cut into parts. In each f_k(u) = y_k - sum |gain| |P u| is concave: not below the chord through the
+corners, not above its tangent. A part is done if such bounds exclude a solution, or if forces turn
+so little in it that f is one to one: then Newton's method finds the only one.
 """
 
 from __future__ import annotations

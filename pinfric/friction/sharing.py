@@ -35,7 +35,7 @@ class Group(NamedTuple):
         return cls(members, *inverse_of(factor[:, members], own_slope))
 
     def needs(self, rate: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return b (r,) of rates x = b that takes rates (m,) away, and what (m,) of them stays."""
+        """Return b (r,) of rates x = b, which takes rates (m,) away, and what no x takes (m,)."""
         s = self.rates @ rate
         return -self.inverse @ s, np.abs(rate - self.rates.T @ s)
 
