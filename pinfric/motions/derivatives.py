@@ -46,21 +46,19 @@ def find_holds(position: ArrayLike, resolution: float = 0.0) -> list[tuple[int, 
     )
     # A file of short numbers (0, 0.5, 1) looks coarse without being so: trust 3 % of the travel.
     departure = HOLD_DEPARTURE * max(tolerance, min(resolution, 3.0e-2 * travel))
-    return [
-        (first, last)
-        for first, last in _still_runs(q, tolerance)
-        if last - first + 1 >= MIN_HOLD_SAMPLES and _is_left_quickly(q, first, last, departure)
-    ]
-
-
-def _still_runs(q: FloatArray, tolerance: float) -> Iterator[tuple[int, int]]:
-    """Yield maximal runs of samples within one band of the tolerance's width."""
+    holds = []
     for first, final in runs(np.abs(np.diff(q)) <= tolerance):
         last = final + 1  # of samples; runs are of the steps between them
         while first < last:
             end = _end_of_band(q, first, last, tolerance)
-            yield first, end
+            if end - first + 1 >= MIN_HOLD_SAMPLES:
+                level = 0.5 * (q[first : end + 1].min() + q[first : end + 1].max())
+                half = (end - first) // 2
+                sides = q[max(first - half, 0) : first], q[end + 1 : end + 1 + half]
+                if all(x.size == 0 or np.abs(x - level).max() > departure for x in sides):
+                    holds.append((first, end))
             first = end + 1
+    return holds
 
 
 def _end_of_band(q: FloatArray, first: int, last: int, tolerance: float) -> int:
@@ -73,15 +71,6 @@ def _end_of_band(q: FloatArray, first: int, last: int, tolerance: float) -> int:
         if within < window.size or first + size > last:
             return first + within - 1
         size *= 4
-
-
-def _is_left_quickly(q: FloatArray, first: int, last: int, departure: float) -> bool:
-    """Whether the joint is `departure` away within half the run, at both ends."""
-    level = 0.5 * (q[first : last + 1].min() + q[first : last + 1].max())
-    half = (last - first) // 2
-    before = q[max(first - half, 0) : first]
-    after = q[last + 1 : last + 1 + half]
-    return all(side.size == 0 or np.abs(side - level).max() > departure for side in (before, after))
 
 
 def position_derivatives(

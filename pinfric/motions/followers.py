@@ -39,7 +39,16 @@ def find_followers(scene: Any, columns: Sequence[JointColumn]) -> tuple[Follower
     if robot is None or not len(model.mimicking_joints):
         return ()
     leaders = {column.name: column for column in columns}
-    limits = _urdf_limits(robot)
+    limits = {}
+    for joint in robot.xml().findall("joint"):
+        name, kind, limit = joint.get("name", ""), joint.get("type"), joint.find("limit")
+        stated = {} if limit is None else limit.attrib
+        lower, upper = stated_range(float(stated.get("lower", 0)), float(stated.get("upper", 0)))
+        if kind == "continuous":
+            lower, upper = -np.inf, np.inf
+        speed = stated_limit(float(stated.get("velocity", 0)))
+        unit = "m" if kind == "prismatic" else "rad"
+        limits[name] = JointColumn(name, 0, 0, 1, unit, lower, upper, speed)
     followers: list[Follower] = []
     for follower, leader in zip(model.mimicking_joints, model.mimicked_joints, strict=True):
         mimic, of = model.joints[follower].extract(), model.names[leader]
@@ -72,17 +81,3 @@ def follower_warnings(
     led = velocity[:, [follower.leader.index_v for follower in followers]]
     columns = [follower.column for follower in followers]
     return velocity_warnings(columns, t, led * [follower.ratio for follower in followers])
-
-
-def _urdf_limits(robot: Any) -> dict[str, JointColumn]:
-    limits = {}
-    for joint in robot.xml().findall("joint"):
-        name, kind, limit = joint.get("name", ""), joint.get("type"), joint.find("limit")
-        stated = {} if limit is None else limit.attrib
-        lower, upper = stated_range(float(stated.get("lower", 0)), float(stated.get("upper", 0)))
-        if kind == "continuous":
-            lower, upper = -np.inf, np.inf
-        speed = stated_limit(float(stated.get("velocity", 0)))
-        unit = "m" if kind == "prismatic" else "rad"
-        limits[name] = JointColumn(name, 0, 0, 1, unit, lower, upper, speed)
-    return limits

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -58,17 +57,17 @@ def joint_columns(model: pin.Model, source: str = "model") -> tuple[JointColumn,
             f"{source}: files give one number per joint, which is not enough for "
             f"{', '.join(several)}; make the trajectory in Python: Trajectory.from_arrays"
         )
-    return tuple(_joint_column(model, name, joint) for name, joint in moving)
-
-
-def _joint_column(model: pin.Model, name: str, joint: Any) -> JointColumn:
-    lower, upper = -np.inf, np.inf
-    if joint.nq == 1:
-        low, high = model.lowerPositionLimit[joint.idx_q], model.upperPositionLimit[joint.idx_q]
-        lower, upper = stated_range(float(low), float(high))
-    speed = stated_limit(float(model.velocityLimit[joint.idx_v]))
-    unit = "m" if joint.shortname().startswith("JointModelP") else "rad"
-    return JointColumn(name, joint.idx_q, joint.idx_v, joint.nq, unit, lower, upper, speed)
+    columns = []
+    for name, joint in moving:
+        lower, upper = -np.inf, np.inf
+        if joint.nq == 1:
+            low, high = model.lowerPositionLimit[joint.idx_q], model.upperPositionLimit[joint.idx_q]
+            lower, upper = stated_range(float(low), float(high))
+        speed = stated_limit(float(model.velocityLimit[joint.idx_v]))
+        unit = "m" if joint.shortname().startswith("JointModelP") else "rad"
+        place = joint.idx_q, joint.idx_v, joint.nq
+        columns.append(JointColumn(name, *place, unit, lower, upper, speed))
+    return tuple(columns)
 
 
 def stated_range(low: float, high: float) -> tuple[float, float]:

@@ -81,41 +81,39 @@ def summarize(result: InverseResult) -> tuple[ActuatorSummary, ...]:
     """
     if result.t is None:
         raise StateError("a summary needs times: give `t` to inverse_dynamics")
-    return tuple(_summarize(result, result.t, i) for i in range(len(result.actuator_names)))
-
-
-def _summarize(result: InverseResult, t: np.ndarray, i: int) -> ActuatorSummary:
-    drive = result.scene.drives[i]
-    frictionless = result.effort_frictionless[:, i]
-    worst, least = ends_by_magnitude(result.effort_lower[:, i], result.effort_upper[:, i])
-    motor_worst, motor_least = ends_by_magnitude(
-        result.motor_torque_lower[:, i], result.motor_torque_upper[:, i]
-    )
-    friction, without = rms(t, worst - frictionless), rms(t, frictionless)
-    sites = sites_on(result.scene, i)
-    sticks = runs(rests(result, i))
-    unit = effort_unit(result.scene, i)
-    top = int(np.argmax(np.abs(worst)))
-    return ActuatorSummary(
-        name=drive.name,
-        unit=unit,
-        peak=float(np.abs(worst[top])),
-        peak_time=float(t[top]),
-        peak_velocity=float(result.actuator_velocity[top, i]),
-        rms=rms(t, worst),
-        rms_least=rms(t, least),
-        peak_frictionless=float(np.abs(frictionless).max()),
-        rms_frictionless=without,
-        friction_share=friction / (friction + without) if friction > 0 else friction,
-        stick_time=float(sum(t[last] - t[first] for first, last in sticks)),
-        sticks=len(sticks),
-        reversals=int(np.count_nonzero(result.reversal[:, sites].any(axis=1))),
-        max_interval=float((result.effort_upper[:, i] - result.effort_lower[:, i]).max()),
-        motor_unit=motor_unit(result.scene, i),
-        motor_peak=float(np.abs(motor_worst).max()),
-        motor_rms=rms(t, motor_worst),
-        motor_rms_least=rms(t, motor_least),
-    )
+    t, summaries = result.t, []
+    for i, drive in enumerate(result.scene.drives):
+        frictionless = result.effort_frictionless[:, i]
+        worst, least = ends_by_magnitude(result.effort_lower[:, i], result.effort_upper[:, i])
+        motor_worst, motor_least = ends_by_magnitude(
+            result.motor_torque_lower[:, i], result.motor_torque_upper[:, i]
+        )
+        friction, without = rms(t, worst - frictionless), rms(t, frictionless)
+        sites, sticks = sites_on(result.scene, i), runs(rests(result, i))
+        top = int(np.argmax(np.abs(worst)))
+        summaries.append(
+            ActuatorSummary(
+                name=drive.name,
+                unit=effort_unit(result.scene, i),
+                peak=float(np.abs(worst[top])),
+                peak_time=float(t[top]),
+                peak_velocity=float(result.actuator_velocity[top, i]),
+                rms=rms(t, worst),
+                rms_least=rms(t, least),
+                peak_frictionless=float(np.abs(frictionless).max()),
+                rms_frictionless=without,
+                friction_share=friction / (friction + without) if friction > 0 else friction,
+                stick_time=float(sum(t[last] - t[first] for first, last in sticks)),
+                sticks=len(sticks),
+                reversals=int(np.count_nonzero(result.reversal[:, sites].any(axis=1))),
+                max_interval=float((result.effort_upper[:, i] - result.effort_lower[:, i]).max()),
+                motor_unit=motor_unit(result.scene, i),
+                motor_peak=float(np.abs(motor_worst).max()),
+                motor_rms=rms(t, motor_worst),
+                motor_rms_least=rms(t, motor_least),
+            )
+        )
+    return tuple(summaries)
 
 
 def beyond_limits(result: InverseResult) -> tuple[str, ...]:

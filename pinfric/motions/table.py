@@ -122,7 +122,10 @@ def _coarse_rows(columns: Sequence[JointColumn], t: FloatArray, positions: Float
     speed = np.sqrt(np.mean(slopes**2, axis=0))
     change = np.sqrt(np.mean(np.diff(slopes, axis=0) ** 2, axis=0)) if len(t) > 2 else 0.0 * speed
     share = change / np.where(speed > 0.0, speed, 1.0)
-    at_speed = _starts_and_ends_at_speed(t, slopes, speed)
+    # Few rows, seldom enough to be stops, that begin and end in the middle of a joint's motion
+    often = t.size >= _FEWEST_SAMPLES or float(np.median(np.diff(t))) <= _STOPS_PACE
+    slowest = np.minimum(np.abs(slopes[0]), np.abs(slopes[-1]))
+    at_speed = (slowest >= _AT_SPEED * speed) & (not often)
     coarse = (speed > 0.0) & ((share > _COARSE_SHARE) | (moves < _FEWEST_ROWS) | at_speed)
     if not coarse.any():
         return []
@@ -137,29 +140,15 @@ def _coarse_rows(columns: Sequence[JointColumn], t: FloatArray, positions: Float
             f" at {first:.3g} {unit}/s in the first step and {last:.3g} in the last, but robots "
             "start and stop at rest"
         )
+    start, second = (", ".join(f"{x:.4g}" for x in row) for row in positions[:2])
+    way = f"{{q: [{start}]}}, {{q: [{second}], duration: {t[1] - t[0]:.4g}}}, "
+    points = f"points: [{way if positions.shape[1] <= _SHOWN else ''}...]"
     return [
         f"rows are too far apart for the motion between them: joint {columns[i].name} moves over "
         f"{moves[i]} rows{why}. Where rows are stops, write them as a way-point file "
-        f"({_as_points(t, positions)}), which is planned from rest to rest; where they are "
-        "samples, give more of them, or .v and .a"
+        f"(`pinfric_trajectory: 1`, `{points}`), which is planned from rest to rest; where they "
+        "are samples, give more of them, or .v and .a"
     ]
-
-
-def _as_points(t: FloatArray, positions: FloatArray) -> str:
-    first, second = (", ".join(f"{x:.4g}" for x in row) for row in positions[:2])
-    way = f"{{q: [{first}]}}, {{q: [{second}], duration: {t[1] - t[0]:.4g}}}, "
-    return f"`pinfric_trajectory: 1`, `points: [{way if positions.shape[1] <= _SHOWN else ''}...]`"
-
-
-def _starts_and_ends_at_speed(t: FloatArray, slopes: FloatArray, speed: FloatArray) -> BoolArray:
-    """Whether few rows, seldom enough to be stops, begin and end in the middle of a joint's motion.
-
-    `slopes`: (T - 1, nj) mean speeds from row to row; `speed`: (nj,) their RMS.
-    """
-    if t.size >= _FEWEST_SAMPLES or float(np.median(np.diff(t))) <= _STOPS_PACE:
-        return np.zeros(speed.size, dtype=bool)
-    slowest = np.minimum(np.abs(slopes[0]), np.abs(slopes[-1]))
-    return np.asarray(slowest >= _AT_SPEED * speed)
 
 
 def mismatch_warnings(columns: Sequence[JointColumn], table: TrajectoryTable) -> list[str]:

@@ -367,7 +367,13 @@ def read_trajectory(
                 f"{name}: --columns says which column of a log is what, and way-points have no "
                 "columns: leave it out, or beside a log write its LOG.columns.yaml"
             )
-        return _from_waypoints(source, scene, columns)
+        waypoints, problems, name = read_waypoints(source), list[str](), str(source)
+        names = [c.name for c in columns] if waypoints.joints is None else waypoints.joints
+        named = named_columns(scene, columns, names, problems)
+        refuse(name, problems)
+        waypoints, lines = solve_tool_points(waypoints, scene, columns, name)
+        table = sample_waypoints(waypoints, named, _defaults(scene), name, lines)
+        return _from_table(name, scene, columns, named, table)
     robot = getattr(scene, "robot", None)  # none of a model made in Python
     said, choose = Remarks(), partial(named_columns, scene, columns)
     locked, payloads = _locked(robot) if robot else {}, list(scene.payloads)
@@ -385,17 +391,6 @@ def _locked(robot: Robot) -> dict[str, tuple[float, str]]:
         name: (place, "m" if kinds[name] == "prismatic" else "rad")
         for name, place in robot.locked.items()
     }
-
-
-def _from_waypoints(path: Path, scene: HasModel, columns: Sequence[JointColumn]) -> Trajectory:
-    problems: list[str] = []
-    waypoints = read_waypoints(path)
-    names = [c.name for c in columns] if waypoints.joints is None else waypoints.joints
-    named = named_columns(scene, columns, names, problems)
-    refuse(str(path), problems)
-    waypoints, lines = solve_tool_points(waypoints, scene, columns, str(path))
-    table = sample_waypoints(waypoints, named, _defaults(scene), str(path), lines)
-    return _from_table(str(path), scene, columns, named, table)
 
 
 def _from_table(

@@ -117,7 +117,14 @@ def judge_log(result: InverseResult, reading: Reading, at: str = "reflected") ->
     """
     check_effort_place(at, TrajectoryError)
     names = result.actuator_names
-    places = {place: _compared(result, reading, place) for place in EFFORT_PLACES}
+    places = {}  # of each drive the logged effort, taken for each, beside the computed one
+    for place in EFFORT_PLACES:
+        effort = _stated_at_joints(result, reading, place).effort
+        places[place] = {
+            name: compare_effort(result, i, effort[name], place)
+            for i, name in enumerate(names)
+            if name in effort
+        }
     measured = places[at]
     reading = _stated_at_joints(result, reading, at)
     notes = _place_notes(result, at, places) if measured else ()
@@ -142,15 +149,6 @@ def _stated_at_joints(result: InverseResult, reading: Reading, at: str) -> Readi
     factors = zip(result.actuator_names, factors_to_joint(result.scene, at).tolist(), strict=True)
     stated = {name: x * reading.effort[name] for name, x in factors if name in reading.effort}
     return replace(reading, effort={**reading.effort, **stated})
-
-
-def _compared(result: InverseResult, reading: Reading, at: str) -> dict[str, MeasuredEffort]:
-    effort = _stated_at_joints(result, reading, at).effort
-    return {
-        name: compare_effort(result, i, effort[name], at)
-        for i, name in enumerate(result.actuator_names)
-        if name in effort
-    }
 
 
 def _place_notes(

@@ -171,23 +171,19 @@ def _starts_at_rest(q: FloatArray, step: float, noise: float) -> bool | None:
 
 def _levels(q: FloatArray, width: int, noise: float) -> Iterator[tuple[int, int]]:
     """Yield the runs on one level; a motion may start within their ends."""
-    margin = width // 2
-    for first, last in _flat_runs(q, width, noise):
+    # Windows whose slope is noise
+    place, margin = np.arange(width) - 0.5 * (width - 1), width // 2
+    slope = np.convolve(q - q[0], place[::-1], mode="valid") / float(place @ place)
+    flat = np.abs(slope) <= _SIGNIFICANT * noise / np.sqrt(float(place @ place))
+    for first, final in runs(flat):
+        if final - first < margin - 1:
+            continue
+        last = final + width - 1  # of samples
         inner = q[
             first + (margin if first else 0) : last + 1 - (margin if last < q.size - 1 else 0)
         ]
         if inner.size >= width and _is_level(inner, noise):
             yield first, last
-
-
-def _flat_runs(q: FloatArray, width: int, noise: float) -> Iterator[tuple[int, int]]:
-    """Yield the runs of windows whose slope is noise: first and last sample."""
-    place = np.arange(width) - 0.5 * (width - 1)
-    slope = np.convolve(q - q[0], place[::-1], mode="valid") / float(place @ place)
-    flat = np.abs(slope) <= _SIGNIFICANT * noise / np.sqrt(float(place @ place))
-    for first, last in runs(flat):
-        if last - first >= width // 2 - 1:
-            yield first, last + width - 1
 
 
 def _is_level(q: FloatArray, noise: float) -> bool:
