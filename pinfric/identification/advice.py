@@ -74,7 +74,11 @@ def advise(estimate: Estimate) -> tuple[Advice, ...]:
 def advice_text(advice: Advice, scene: Scene) -> str:
     """Return a recording as a way-point file that begins with slow departures."""
     start = advice.points[0].q
-    points = [*_departures(start), *advice.points[1:]]
+    departures = [
+        WayPoint(q=(*start[:j], start[j] + step, *start[j + 1 :]), duration=_SLOWLY, hold=_HOLD)
+        for j in range(len(start))
+        for step in (_BREAK_AWAY, 0.0, -_BREAK_AWAY, 0.0)
+    ]
     lines = [
         f"# {advice.name}. What 30 s of it would change:",
         "#",
@@ -93,7 +97,7 @@ def advice_text(advice: Advice, scene: Scene) -> str:
         f"  - {{q: {_numbers(start)}, hold: 1.0}}",
         *(
             f"  - {{q: {_numbers(p.q)}, duration: {p.duration:.4g}, hold: {p.hold:g}}}"
-            for p in points
+            for p in (*departures, *advice.points[1:])
         ),
     ]
     return "\n".join(lines) + "\n"
@@ -101,13 +105,6 @@ def advice_text(advice: Advice, scene: Scene) -> str:
 
 def _numbers(values: tuple[float, ...]) -> str:
     return f"[{', '.join(f'{x:.4f}' for x in values)}]"
-
-
-def _departures(start: tuple[float, ...]) -> Iterator[WayPoint]:
-    for j in range(len(start)):
-        for step in (_BREAK_AWAY, 0.0, -_BREAK_AWAY, 0.0):
-            q = (*start[:j], start[j] + step, *start[j + 1 :])
-            yield WayPoint(q=q, duration=_SLOWLY, hold=_HOLD)
 
 
 def _recordings(estimate: Estimate) -> Iterator[tuple[str, tuple[WayPoint, ...], float]]:

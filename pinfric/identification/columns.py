@@ -222,32 +222,24 @@ def _rigid_columns(scene: Scene, recording: Recording, kept: IntArray) -> FloatA
     Of coupled drives P times it. Computed in parts to fit in memory; they overlap by the time over
     which the low pass has influence.
     """
-    nj, count = scene.model.nv, recording.trajectory.t.size
+    model, motion, nj = scene.model, recording.trajectory, scene.model.nv
+    data, P = model.createData(), delivery(scene.drives, nj)
     beyond = int(np.ceil(_FORGOTTEN / recording.step))
     thin = np.zeros((kept.size, nj, 10 * nj))
-    for first in range(0, count, PART):
+    for first in range(0, motion.t.size, PART):
         own = np.flatnonzero((kept >= first) & (kept < first + PART))
         start = max(first - beyond, 0)
-        regressor = _regressor(scene, recording.trajectory, start, first + PART + beyond)
+        span = slice(start, first + PART + beyond)
+        states = zip(motion.q[span], motion.v[span], motion.a[span], strict=True)
+        regressor = np.array(
+            [pin.computeJointTorqueRegressor(model, data, q, v, a) for q, v, a in states]
+        ).reshape(-1, nj, 10 * nj)  # of one joint they are vectors
+        regressor = P @ regressor if P.size else regressor
         for j in range(nj):
             used = np.flatnonzero(regressor[:, j].any(axis=0))
             whole = passed(regressor[:, j, used], recording.step)
             thin[own[:, None], j, used] = whole[kept[own] - start]
     return thin
-
-
-def _regressor(scene: Scene, motion: Trajectory, start: int, stop: int) -> FloatArray:
-    """Columns of inertial parameters at samples from `start` to before `stop`."""
-    model, P = scene.model, delivery(scene.drives, scene.model.nv)
-    data, parts = model.createData(), (x[start:stop] for x in (motion.q, motion.v, motion.a))
-    regressors = np.array(
-        [
-            pin.computeJointTorqueRegressor(model, data, q, v, a)
-            for q, v, a in zip(*parts, strict=True)
-        ]
-    )
-    regressors = regressors.reshape(-1, model.nv, 10 * model.nv)  # of one joint they are vectors
-    return P @ regressors if P.size else regressors
 
 
 def passed(columns: FloatArray, step: float) -> FloatArray:

@@ -168,6 +168,8 @@ def log_delay(
     prepared: Prepared, slots: Sequence[Sequence[int]], prior: Prior, start: float
 ) -> LogDelay:
     """Return the delay of one log's efforts, near `start`, s; nothing slides: infinite error."""
+    from scipy.special import stdtrit
+
     if not prepared.slides.any():
         return LogDelay(start, np.inf)
     none = [np.zeros((int(at.sum()), 0)) for at in prepared.slides.T]
@@ -183,7 +185,14 @@ def log_delay(
         return LogDelay(delay, np.inf, builds_up=builds_up)  # its search ended at a bound
     rows = _with_slopes(prepared, delay, search.slopes, bases, apart=True)
     known = _with_delays(prior, prepared, delay, nj)
-    fit, errors = _with_errors(rows, search, slots, known, nj)
+    grams, normal = _normal(rows, search.row_weights, search.weights)
+    fit = FrictionNormalEquations(normal, known).fit(slots)
+    place = above_zero(fit, slots)
+    place = place[normal.slots.diagonal()[place] > 0.0]  # of joints that slide in this log
+    moved, samples = influence(grams, search.weights, known, fit, place)
+    wider = float(stdtrit(max(samples - 1, 1), 0.975)) / 1.96  # of few blocks: Student's
+    end = fit.theta.size
+    errors = wider * np.linalg.norm(moved[:, end - nj : end], axis=0)
     values = delay + fit.theta[-nj:]
     joints = {j: (float(values[j]), float(errors[j])) for j in range(nj) if rows[j].effort.size}
     mean, error = pooled(list(joints.values()))
@@ -234,26 +243,6 @@ def _normal(
     blocks = 1 + max(int(own.block.max(initial=0)) for own in rows)
     grams = [BlockProducts.of(own, w, blocks) for own, w in zip(rows, row_weights, strict=True)]
     return grams, Normal.of(grams, np.ones(blocks, dtype=bool), weights)
-
-
-def _with_errors(
-    rows: Sequence[Rows],
-    search: _Search,
-    slots: Sequence[Sequence[int]],
-    prior: Prior,
-    count: int,
-) -> tuple[Fit, FloatArray]:
-    """Return a fit with `count` changes of the delay at the end of theta, and their errors."""
-    from scipy.special import stdtrit
-
-    grams, normal = _normal(rows, search.row_weights, search.weights)
-    fit = FrictionNormalEquations(normal, prior).fit(slots)
-    place = above_zero(fit, slots)
-    place = place[normal.slots.diagonal()[place] > 0.0]  # of joints that slide in this log
-    moved, samples = influence(grams, search.weights, prior, fit, place)
-    wider = float(stdtrit(max(samples - 1, 1), 0.975)) / 1.96  # of few blocks: Student's
-    end = fit.theta.size
-    return fit, wider * np.linalg.norm(moved[:, end - count : end], axis=0)
 
 
 def _with_delays(links: Prior, prepared: Prepared, delay: float, count: int) -> Prior:

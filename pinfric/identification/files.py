@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -76,22 +75,20 @@ def scene_text(findings: Findings, robot: Robot, folder: Path) -> str:
     content = scene_content(
         findings.scene, robot, folder, "" if findings.keeps_inertias else _ROBOT
     )
-    return "\n".join([*_heading(findings), yaml_text(content, _comments(findings))])
-
-
-def _heading(findings: Findings) -> Iterator[str]:
-    logs = ", ".join(log.name for log in findings.recordings)
-    yield f"# Friction identified from {logs} by `pinfric identify`."
-    yield "# Beside each value: its 95 % interval, computed from blocks of the logs. Values marked"
-    yield "# `not determined` fit best, but these logs do not determine them."
-    yield "# static: the break-away effort if it was logged; else the kinetic value, or, if the"
-    yield "# law is steep at rest, friction at the slowest logged sliding."
-    yield "#"
-    at = findings.estimate.question.at
-    yield f"#   pinfric inverse scene.yaml LOG --effort-at {at}      # measured beside computed"
-    yield "#   pinfric sweep scene.yaml TRAJECTORY sweep.yaml    # with what is uncertain"
-    yield "#"
-    yield from (f"#   {line}" for line in findings.notes)
+    logs, at = ", ".join(log.name for log in findings.recordings), findings.estimate.question.at
+    lines = [
+        f"# Friction identified from {logs} by `pinfric identify`.",
+        "# Beside each value: its 95 % interval, computed from blocks of the logs. Values marked",
+        "# `not determined` fit best, but these logs do not determine them.",
+        "# static: the break-away effort if it was logged; else the kinetic value, or, if the",
+        "# law is steep at rest, friction at the slowest logged sliding.",
+        "#",
+        f"#   pinfric inverse scene.yaml LOG --effort-at {at}      # measured beside computed",
+        "#   pinfric sweep scene.yaml TRAJECTORY sweep.yaml    # with what is uncertain",
+        "#",
+        *(f"#   {line}" for line in findings.notes),
+    ]
+    return "\n".join([*lines, yaml_text(content, _comments(findings))])
 
 
 def _comments(findings: Findings) -> dict[tuple[str, ...], str]:

@@ -122,7 +122,11 @@ def _of_joint(estimate: Estimate, joint: int, track: _Track) -> Iterator[Misfit]
         unexplained = residual - basis @ (basis.T @ residual)
         best: Misfit | None = None
         for over, columns in shapes:
-            own, beside = _beyond(orthonormal(columns * weight[:, None]), basis)
+            # the shape's principal directions, and, less the model, those of which it leaves much
+            own = orthonormal(columns * weight[:, None])
+            beside = own - basis @ (basis.T @ own)
+            values, vectors = np.linalg.eigh(-beside.T @ beside)
+            own, beside = own @ vectors, beside @ vectors[:, -values > _DESCRIBED]
             clear, m = beside / np.linalg.norm(beside, axis=0), beside.shape[1]
             if m == 0 or spans < 2 * m + 2:
                 continue
@@ -141,16 +145,6 @@ def _of_joint(estimate: Estimate, joint: int, track: _Track) -> Iterator[Misfit]
             return
         yield best
         model = np.column_stack((model, best.columns * weight[:, None]))
-
-
-def _beyond(own: FloatArray, basis: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return a shape's principal directions (n, k), and the first m of them less the model (n, m).
-
-    These m are the ones of which the model leaves more than `_DESCRIBED`.
-    """
-    beside = own - basis @ (basis.T @ own)
-    values, vectors = np.linalg.eigh(-beside.T @ beside)
-    return own @ vectors, beside @ vectors[:, -values > _DESCRIBED]
 
 
 def chance(sums: FloatArray) -> float:

@@ -217,22 +217,15 @@ def _read(
     # what is not used below would fill much of the memory
     trajectory = replace(trajectory, reading=replace(reading, effort={}, uncertain=None))
     if (stride := _THINNING.every(step)) > 1:
-        trajectory, effort = _thinned(trajectory, effort, step)
+        # it was not filtered when it was read, and so not thinned there
+        a = np.column_stack([_THINNING.acceleration(x, step)[::stride] for x in trajectory.a.T])
+        effort = np.column_stack([_THINNING.effort(x, step)[::stride] for x in effort.T])
+        thin: dict[str, Any] = {
+            name: np.ascontiguousarray(getattr(trajectory, name)[::stride])
+            for name in ("t", "q", "v", "attached")
+        }
+        trajectory = replace(trajectory, a=a, **thin)
     return Recording.of(scene, name, trajectory, stride * step, effort, noise)
-
-
-def _thinned(
-    trajectory: Trajectory, effort: FloatArray, step: float
-) -> tuple[Trajectory, FloatArray]:
-    """Thin a motion that reading neither filtered nor thinned."""
-    stride = _THINNING.every(step)
-    a = np.column_stack([_THINNING.acceleration(x, step)[::stride] for x in trajectory.a.T])
-    fewer = np.column_stack([_THINNING.effort(x, step)[::stride] for x in effort.T])
-    thin: dict[str, Any] = {
-        name: np.ascontiguousarray(getattr(trajectory, name)[::stride])
-        for name in ("t", "q", "v", "attached")
-    }
-    return replace(trajectory, a=a, **thin), fewer
 
 
 def _carrying(scene: Scene, recording: Recording, payload: str | None) -> Recording:

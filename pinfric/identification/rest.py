@@ -17,7 +17,7 @@ from pinfric.identification.columns import PART, Prepared
 from pinfric.identification.estimate import Estimate
 from pinfric.identification.laws import BACKWARD, FORWARD, GEARS
 from pinfric.identification.recordings import PEAK_PASS, Recording
-from pinfric.model.arrays import BoolArray, FloatArray
+from pinfric.model.arrays import BoolArray
 from pinfric.model.described import EFFORT, described, quantity
 from pinfric.model.scene import Scene
 from pinfric.motions.log.judged import measured_interval
@@ -144,13 +144,24 @@ def _peaks(estimate: Estimate, prepared: Prepared, joint: int) -> Iterator[tuple
     if step * PEAK_PASS < 0.45:
         effort = low_pass(effort, step, PEAK_PASS)
     effort = np.interp(t + estimate.delay.value, t, effort) + prepared.missing[:, joint]
+    law, slots = estimate.choice.laws[joint], estimate.fit.slots[joint]
+    driving, driven, both = (
+        float(slots[GEARS[law.side, direction]]) for direction in ("driving", "driven", "both")
+    )
+    driving, driven = driving + both, driven + both
     before, near, after = (int(np.ceil(span / step)) for span in (_BEFORE, _NEAR, _AFTER))
     for first, last in runs(recording.rests[:, joint]):
         if (last - first) * step < _HELD or last + after >= t.size:
             continue
         sign = float(np.sign(v[last + 1 : last + after + 1].sum()))
-        held = slice(first, last + 1)
-        friction = _friction(estimate, joint, sign, effort[held], rigid[held])
+        # what holds, sign (effort - load), the gear's losses taken out of the effort
+        held, load = effort[first : last + 1], rigid[first : last + 1]
+        if law.side == "joint":
+            lossless = held / np.where(sign * held > 0.0, 1.0 + driving, 1.0 - driven)
+            friction = sign * (lossless - load)
+        else:
+            losses = np.abs(load) * np.where(sign * load > 0.0, driving, driven)
+            friction = sign * (held - load) - losses
         peak = float(friction[-before:].max())
         rises = peak - float(np.quantile(friction, 0.1)) > _RISE * peak
         # a jump at the last samples is cut where motion first shows, somewhere below what held
@@ -158,17 +169,3 @@ def _peaks(estimate: Estimate, prepared: Prepared, joint: int) -> Iterator[tuple
         change = np.abs(rigid[last : last + after + 1] - rigid[last]).max()
         if peak > 0.0 and rises and gradual and change < _INERTIA * peak:
             yield FORWARD if sign > 0.0 else BACKWARD, peak
-
-
-def _friction(
-    estimate: Estimate, joint: int, sign: float, effort: FloatArray, rigid: FloatArray
-) -> FloatArray:
-    """Friction that holds, sign (effort - rigid), without the gear's losses."""
-    law, slots = estimate.choice.laws[joint], estimate.fit.slots[joint]
-    driving, driven, both = (
-        float(slots[GEARS[law.side, direction]]) for direction in ("driving", "driven", "both")
-    )
-    driving, driven = driving + both, driven + both
-    if law.side == "joint":
-        return sign * (effort / np.where(sign * effort > 0.0, 1.0 + driving, 1.0 - driven) - rigid)
-    return sign * (effort - rigid) - np.abs(rigid) * np.where(sign * rigid > 0.0, driving, driven)

@@ -119,7 +119,12 @@ def uncertainty(estimate: Estimate, shapes: Sequence[Misfit] = ()) -> Uncertaint
     shapes, of unknown sign. b is the `bias` by a joint's shapes; these are independent.
     """
     problem, fit = estimate.problem, estimate.fit
-    place = _uncertain(estimate)
+    # Places among (nj K,) of coefficients above zero and of the speeds of Stribeck friction
+    speeds = [
+        j * K + STRIBECK_VELOCITY for j in estimate.known if fit.slots[j, list(RESTS_ON)].any()
+    ]
+    place = above_zero(fit, problem.slots(estimate.choice.laws))
+    place = np.sort(np.append(place, np.array(speeds, dtype=np.int64)))
     moved, count = influence(
         problem.grams,
         problem.weights,
@@ -280,17 +285,6 @@ def for_a_further_log(estimate: Estimate, place: IntArray) -> tuple[FloatArray, 
             between += share * np.outer(own, own)
     counts = [len(factors) for factors in factors_of if len(factors) >= _FEWEST_LOGS]
     return between, min(counts, default=1)
-
-
-def _uncertain(estimate: Estimate) -> IntArray:
-    """Places among (nj K,) of coefficients above zero and of Stribeck velocities."""
-    place = above_zero(estimate.fit, estimate.problem.slots(estimate.choice.laws))
-    velocities = [
-        j * K + STRIBECK_VELOCITY
-        for j in estimate.known
-        if estimate.fit.slots[j, list(RESTS_ON)].any()
-    ]
-    return np.sort(np.append(place, np.array(velocities, dtype=np.int64)))
 
 
 def _feedback(estimate: Estimate, place: IntArray) -> FloatArray:
