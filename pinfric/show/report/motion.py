@@ -8,7 +8,7 @@ from typing import Any
 
 from pinfric.dynamics.simulation.motion import FINISHED, Event, Motion, listed_times
 from pinfric.model.brief import counted
-from pinfric.show.motion_summary import EnergySummary, MotionSummary
+from pinfric.show.motion_summary import MotionSummary
 from pinfric.show.report.rows import table_of
 from pinfric.show.report.tables import Column, ColumnKind, Report, Table, paragraphs
 from pinfric.show.report.values import digits
@@ -34,7 +34,25 @@ def motion_report(motion: Motion, summary: MotionSummary) -> Report:
         return ways.get(event.direction, "")
 
     events = _first("events", summary.events, {"direction": direction})
-    energy = None if summary.energy is None else _energy_table(summary.energy, motors)
+    energy = None
+    if (balance := summary.energy) is not None:  # the sites with the most heat, others in one line
+        losses = {f"heat at {site}": loss for site, loss in balance.friction_loss.items()}
+        if motors:
+            losses |= {f"heat in the gear of {drive}": x for drive, x in balance.gear_loss.items()}
+        order = sorted(losses, key=lambda place: -abs(losses[place]))
+        few = len(order) <= _MOST_ROWS
+        shown = set(order) if few else {place for place in order[:_MOST_ROWS] if losses[place]}
+        rows = [
+            (f"work of the {'motors' if motors else 'drives'}", balance.work),
+            ("kinetic and potential", balance.change),
+            *((place, loss) for place, loss in losses.items() if place in shown),
+        ]
+        if unshown := [losses[place] for place in order if place not in shown]:
+            kind = "further place" if motors else "further joint"
+            rows.append((f"heat at {counted(len(unshown), kind)}", sum(unshown)))
+        rows.append(("unaccounted", balance.residual))
+        columns = (Column("", ColumnKind.WORDS), Column("J"))
+        energy = Table("energy", columns, [(place, digits(x)) for place, x in rows])
     ended = [f"{summary.status}: {summary.message}"] if summary.status != FINISHED else []
     return paragraphs(title, sticks, events, energy, listed_times(summary.unproved), ended)
 
@@ -45,24 +63,3 @@ def _first(
     if len(rows) > _MOST_ROWS:
         title += f" (the first {_MOST_ROWS} of {len(rows)})"
     return table_of(title, rows[:_MOST_ROWS], cells=cells)
-
-
-def _energy_table(energy: EnergySummary, motors: bool) -> Table:
-    """The balance; of many sites those with the most heat, the rest in one line."""
-    losses = {f"heat at {site}": loss for site, loss in energy.friction_loss.items()}
-    if motors:
-        losses |= {f"heat in the gear of {drive}": x for drive, x in energy.gear_loss.items()}
-    order = sorted(losses, key=lambda place: -abs(losses[place]))
-    few = len(order) <= _MOST_ROWS
-    shown = set(order) if few else {place for place in order[:_MOST_ROWS] if losses[place]}
-    rows = [
-        (f"work of the {'motors' if motors else 'drives'}", energy.work),
-        ("kinetic and potential", energy.change),
-        *((place, loss) for place, loss in losses.items() if place in shown),
-    ]
-    if unshown := [losses[place] for place in order if place not in shown]:
-        kind = "further place" if motors else "further joint"
-        rows.append((f"heat at {counted(len(unshown), kind)}", sum(unshown)))
-    rows.append(("unaccounted", energy.residual))
-    columns = (Column("", ColumnKind.WORDS), Column("J"))
-    return Table("energy", columns, [(place, digits(x)) for place, x in rows])
