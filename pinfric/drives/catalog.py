@@ -17,7 +17,7 @@ from pydantic import Field, model_validator
 
 from pinfric.drives.bearing import BearingRatings
 from pinfric.drives.policy import Conditions
-from pinfric.model.brakes import HoldingBrake
+from pinfric.model.brakes import BRAKE_PEAK, HoldingBrake
 from pinfric.model.entry import (
     Entry,
     Forms,
@@ -701,6 +701,20 @@ class Brake(HoldingBrake, Sourced):
         if self.rotor_inertia is not None:
             return self.rotor_inertia, self.rotor_inertia
         return 0.0, 2.2e-6 * self.torque**1.38
+
+    @property
+    def unknown(self) -> tuple[str, ...]:
+        """What is not printed, and what it is taken as."""
+        figures = (
+            ("largest torque", self.torque_max, f"{BRAKE_PEAK:g} x {self.torque:g} N m"),
+            ("mass", self.mass, f"0.28 T^0.7 = {self.mass_taken:.2g} kg"),
+            (
+                "inertia",
+                self.rotor_inertia,
+                f"0 to 2.2e-6 T^1.38 = {self.inertia_ends[1]:.2g} kg m^2",
+            ),
+        )
+        return tuple(f"{what} taken as {rule}" for what, x, rule in figures if x is None)
 
     def goes_with(self, motor: str, integrated: bool = False) -> bool:
         """Return whether it is sold alone, or in this motor; where nothing is said it is.

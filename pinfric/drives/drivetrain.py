@@ -17,7 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import astuple, dataclass, fields, replace
-from functools import partial
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -54,7 +54,6 @@ from pinfric.drives.thermal import (
     no_load_heat,
     winding_cycle,
 )
-from pinfric.model.brakes import BRAKE_PEAK
 from pinfric.model.described import described, quantity
 from pinfric.model.drives import gear_table, gear_torque_bounds
 from pinfric.model.friction_terms import constant_friction, linear_drag
@@ -303,58 +302,140 @@ def too_hot(ambient: float, hottest: float) -> str:
 
 @dataclass(frozen=True)
 class Candidate:
-    """A motor with a gear, a gearmotor, or a motor alone for the limits that are its own.
+    """A motor with a gear, or a gearmotor: entries of the catalogue, and what its joint has.
 
     Attributes:
-        name, motor, gear_name: as in the catalogue; gear_name is None without a gear.
+        motor, entry: of the motor or gearmotor.
+        gear_name, gear: None of a gearmotor.
         ratio: motor turns per joint turn (rad/m at a sliding joint).
-        ratings: of the rated shaft. at_output: that shaft is the gearmotor's output.
-        linear: its output slides.
-        gear: its entry, None for a gearmotor.
-        transmission: ratio and losses for the dynamics; None where figures are missing.
-        missing: the figures missing for the motor's torque.
-        mass: kg; price: of both; None where a part's is not known.
-        rotor_inertia: J_motor + J_gear input at the motor's shaft, kg m^2, or None.
-        back_driving_torque: at the output, N m, or None.
+        transmission: ratio and losses for the dynamics, rotor and brake; None where figures are
+            missing. losses: how they follow from the entries, in words.
         bearing: what carries the joint: the gear's output bearing (a screw's nut), or the joint's
-            own; None where its ratings are not known.
-        guide: of a sliding joint; None where its ratings are not known.
+            own; None where its ratings are not known. guide: the same of a sliding joint.
         amplifier: that feeds the motor; None where none is named.
-        backlash: of its output, rad (m), or None.
-        brake: name of the brake at the motor's shaft that is in mass and inertia; empty: none.
-        brake_note: what of it is not known, in words.
-        brake_unsure: what its inertia may be less than the one that is in `rotor_inertia`, kg m^2.
-        stand_ins: figures taken from other products, or by rule.
-        notes: what the catalogue remarks on motor, gear and brake, with their names.
-        losses: how the transmission's losses follow from the entry, in words.
-        sources: of motor and gear, with their grades.
+        brake, brake_entry: at the motor's shaft; empty and None: none.
     """
 
-    name: str
     motor: str
+    entry: Motor | GearMotor
     gear_name: str | None
+    gear: Gear | None
     ratio: float
-    ratings: Ratings
-    at_output: bool = False
-    linear: bool = False
-    gear: Gear | None = None
-    transmission: Transmission | None = None
-    missing: tuple[str, ...] = ()
-    mass: float | None = None
-    price: float | None = None
-    rotor_inertia: float | None = None
-    back_driving_torque: float | None = None
-    bearing: BearingRatings | None = None
-    stand_ins: tuple[str, ...] = ()
-    notes: tuple[str, ...] = ()
+    transmission: Transmission | None
     losses: str = ""
-    sources: tuple[str, ...] = ()
+    bearing: BearingRatings | None = None
     guide: BearingRatings | None = None
     amplifier: Amplifier | None = None
-    backlash: float | None = None
     brake: str = ""
-    brake_note: str = ""
-    brake_unsure: float = 0.0
+    brake_entry: Brake | None = None
+
+    @property
+    def name(self) -> str:
+        """As reports print it and files name it."""
+        if self.gear is None:
+            return self.motor
+        return drive_name(self.motor, self.gear_name or "", self.gear, self.ratio)
+
+    @cached_property
+    def ratings(self) -> Ratings:
+        """Of the rated shaft."""
+        return ratings_of(self.entry)
+
+    @property
+    def at_output(self) -> bool:
+        """Whether the rated shaft is a gearmotor's output, not a motor's."""
+        return isinstance(self.entry, GearMotor)
+
+    @property
+    def linear(self) -> bool:
+        """Whether its output slides."""
+        return self._of_output("output") == "linear"
+
+    @property
+    def backlash(self) -> float | None:
+        """Of its output, rad (m); None: not known."""
+        return self._of_output("backlash")
+
+    @property
+    def back_driving_torque(self) -> float | None:
+        """At its output, starts it without load, N m (N); None: not known."""
+        return self._of_output("back_driving_torque")
+
+    def _of_output(self, figure: str) -> Any:
+        return getattr(self.gear or self.entry, figure, None)
+
+    @property
+    def missing(self) -> tuple[str, ...]:
+        """The figures missing for the motor's torque."""
+        figures: dict[str, object] = {"rotor inertia": self.entry.rotor_inertia}
+        if self.gear is not None:
+            figures = {
+                "rotor inertia of the motor": self.entry.rotor_inertia,
+                "input inertia of the gear": self.gear.input_inertia,
+                "efficiency of the gear": self.gear.efficiency,
+            }
+        return tuple(name for name, value in figures.items() if value is None)
+
+    @cached_property
+    def mass(self) -> float | None:
+        """Of motor, gear, housing of a kit and brake, kg; None: one is not known."""
+        mass = self.entry.mass
+        if isinstance(self.entry, Motor) and self.gear is not None:
+            kit = 1 + KIT * self.entry.frameless
+            mass = _sum(self.entry.mass_taken, self.gear.mass, kit)
+        return mass if self.brake_entry is None else _sum(mass, self.brake_entry.mass_taken)
+
+    @cached_property
+    def rotor_inertia(self) -> float | None:
+        """J_motor + J_gear input + J_brake at the motor's shaft, kg m^2; None: not known."""
+        inertia = self.entry.rotor_inertia
+        if self.gear is not None:
+            inertia = _sum(inertia, self.gear.input_inertia)
+        more = None if self.brake_entry is None else self.brake_entry.inertia_ends[1]
+        return inertia if more is None else _sum(inertia, more)
+
+    @property
+    def brake_note(self) -> str:
+        """The brake, and what of it is not known, in words; empty: there is none."""
+        unknown = () if self.brake_entry is None else self.brake_entry.unknown
+        return f"{self.brake}: {', '.join(unknown)}" if unknown else self.brake
+
+    @property
+    def _parts(self) -> list[tuple[str, Sourced]]:
+        """Name and entry of motor, gear and brake."""
+        names = self.motor, self.gear_name or "", self.brake
+        entries = self.entry, self.gear, self.brake_entry
+        return [(name, x) for name, x in zip(names, entries, strict=True) if x is not None]
+
+    @property
+    def sources(self) -> tuple[str, ...]:
+        """Of all parts, with their grades."""
+        return tuple(f"{name}: {entry.source} ({entry.grade})" for name, entry in self._parts)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What the catalogue remarks on the parts, with their names."""
+        notes = list[str]()
+        for name, entry in self._parts:
+            said = [entry.note] * bool(entry.note) + [RETYPED] * (entry.grade == "T")
+            said += [_COMPUTED] * (entry is self.entry and self.ratings.computed_curve)
+            notes += [f"{name}: {text}" for text in said]
+        return tuple(notes)
+
+    @property
+    def stand_ins(self) -> tuple[str, ...]:
+        """Figures taken from other products, or by rule."""
+        taken, motor = list[str](), self.entry
+        for name, entry in self._parts:
+            taken += [f"{f.replace('_', ' ')}: {whose}" for f, whose in entry.stand_ins.items()]
+            if isinstance(entry, Motor) and entry.mass_taken != entry.mass:
+                taken.append(f"mass: 1.94 T^0.75 = {entry.mass_taken:.2g} kg, by rule")
+            kit = entry is self.gear and isinstance(motor, Motor) and motor.frameless
+            if kit and self.mass is not None:
+                taken.append(f"housing, shaft, bearings of a frameless kit: {KIT:.0%} of its mass")
+            if isinstance(entry, Brake):
+                taken += [f"{name}: {text}" for text in entry.unknown]
+        return tuple(taken)
 
     @property
     def carried(self) -> bool:
@@ -370,6 +451,11 @@ class Candidate:
     def units(self) -> tuple[str, str]:
         """Of torque and speed at the rated shaft; N and m/s of a linear motor."""
         return ("N", "m/s") if self.linear and self.at_output else ("N m", "rad/s")
+
+
+def _sum(a: float | None, b: float | None, factor: float = 1.0) -> float | None:
+    """A sum of figures; None where one is not known."""
+    return None if a is None or b is None else (a + b) * factor
 
 
 @described
@@ -470,36 +556,14 @@ def drive_name(motor: str, gear: str, entry: Gear, ratio: float) -> str:
 def with_brake(candidate: Candidate, name: str, brake: Brake) -> Candidate:
     """Return a drive with a brake at its motor's shaft: masses and inertias add up.
 
-    Args:
-        candidate: motor and gear. name: of the brake. brake: where they are not printed, its mass
-            and greatest inertia are those of a rule, its largest torque is twice its least one.
+    Where they are not printed, the brake's mass and greatest inertia are those of a rule.
     """
-    mass, (least, more) = brake.mass_taken, brake.inertia_ends
-    transmission, inertia = candidate.transmission, candidate.rotor_inertia
+    transmission = candidate.transmission
     if transmission is not None:
-        held = {"rotor_inertia": transmission.rotor_inertia + more, "brake": brake.holding}
+        inertia = transmission.rotor_inertia + brake.inertia_ends[1]
+        held = {"rotor_inertia": inertia, "brake": brake.holding}
         transmission = transmission.model_copy(update=held)
-    unknown = [
-        f"{what} taken as {taken}"
-        for what, value, taken in (
-            ("largest torque", brake.torque_max, f"{BRAKE_PEAK:g} x {brake.torque:g} N m"),
-            ("mass", brake.mass, f"0.28 T^0.7 = {mass:.2g} kg"),
-            ("inertia", brake.rotor_inertia, f"0 to 2.2e-6 T^1.38 = {more:.2g} kg m^2"),
-        )
-        if value is None
-    ]
-    return replace(
-        candidate,
-        mass=None if candidate.mass is None else candidate.mass + mass,
-        rotor_inertia=None if inertia is None else inertia + more,
-        transmission=transmission,
-        brake=name,
-        brake_unsure=more - least,
-        brake_note=f"{name}: {', '.join(unknown)}" if unknown else name,
-        stand_ins=(*candidate.stand_ins, *_stand_ins(brake), *(f"{name}: {x}" for x in unknown)),
-        notes=(*candidate.notes, *_notes(name, brake)),
-        sources=(*candidate.sources, f"{name}: {brake.source} ({brake.grade})"),
-    )
+    return replace(candidate, transmission=transmission, brake=name, brake_entry=brake)
 
 
 def amplifier_torque(candidate: Candidate, current: str) -> tuple[float | None, str]:
@@ -517,66 +581,16 @@ def amplifier_torque(candidate: Candidate, current: str) -> tuple[float | None, 
 
 
 def motor_with_gear(
-    motor_name: str,
-    motor: Motor,
-    gear_name: str,
-    gear: Gear,
-    ratio: float,
-    ratings: Ratings | None = None,
+    motor_name: str, motor: Motor, gear_name: str, gear: Gear, ratio: float
 ) -> Candidate:
     """Return one motor behind one gear.
 
     Args:
         motor_name, gear_name: of the entries `motor` and `gear`. ratio: one of the gear's.
-        ratings: the motor's, where they are there already.
     """
-    missing = []
-    if motor.rotor_inertia is None:
-        missing.append("rotor inertia of the motor")
-    if gear.input_inertia is None:
-        missing.append("input inertia of the gear")
-    if gear.efficiency is None:
-        missing.append("efficiency of the gear")
-    inertia = None
-    if motor.rotor_inertia is not None and gear.input_inertia is not None:
-        inertia = motor.rotor_inertia + gear.input_inertia
-    transmission, text = gear_transmission(gear, ratio, inertia)
-    own, rated = motor.mass_taken, ratings or ratings_of(motor)
-    mass = None if own is None or gear.mass is None else own + gear.mass
-    kit = motor.frameless and mass is not None
-    return Candidate(
-        name=drive_name(motor_name, gear_name, gear, ratio),
-        motor=motor_name,
-        gear_name=gear_name,
-        ratio=ratio,
-        ratings=rated,
-        linear=gear.output == "linear",
-        gear=gear,
-        transmission=transmission,
-        missing=tuple(missing),
-        mass=mass * (1 + KIT) if kit and mass is not None else mass,
-        price=None if motor.price is None or gear.price is None else motor.price + gear.price,
-        rotor_inertia=inertia,
-        back_driving_torque=gear.back_driving_torque,
-        bearing=gear.bearing,
-        backlash=gear.backlash,
-        stand_ins=(
-            *_stand_ins(motor),
-            *([] if own == motor.mass else [f"mass: 1.94 T^0.75 = {own:.2g} kg, by rule"]),
-            *_stand_ins(gear),
-            *([f"housing, shaft, bearings of a frameless kit: {KIT:.0%} of its mass"] * kit),
-        ),
-        notes=(
-            *_notes(motor_name, motor),
-            *([f"{motor_name}: {_COMPUTED}"] * rated.computed_curve),
-            *_notes(gear_name, gear),
-        ),
-        losses=text,
-        sources=(
-            f"{motor_name}: {motor.source} ({motor.grade})",
-            f"{gear_name}: {gear.source} ({gear.grade})",
-        ),
-    )
+    inertia = _sum(motor.rotor_inertia, gear.input_inertia)
+    made = gear_transmission(gear, ratio, inertia)
+    return Candidate(motor_name, motor, gear_name, gear, ratio, *made, gear.bearing)
 
 
 def gear_transmission(
@@ -836,18 +850,8 @@ def ratings_of(entry: Motor | GearMotor) -> Ratings:
     )
 
 
-def _stand_ins(entry: Sourced) -> tuple[str, ...]:
-    return tuple(f"{f.replace('_', ' ')}: {whose}" for f, whose in entry.stand_ins.items())
-
-
-def _notes(name: str, entry: Sourced) -> tuple[str, ...]:
-    noted, third = [entry.note] * bool(entry.note), [RETYPED] * (entry.grade == "T")
-    return tuple(f"{name}: {text}" for text in (*noted, *third))
-
-
 def gearmotor_drive(name: str, entry: GearMotor) -> Candidate:
     """Return a gearmotor: torques and speeds at its output."""
-    missing = ("rotor inertia",) if entry.rotor_inertia is None else ()
     friction = entry.friction
     values: dict[str, Any] = {
         "ratio": entry.ratio,
@@ -863,25 +867,5 @@ def gearmotor_drive(name: str, entry: GearMotor) -> Candidate:
         values["no_load_torque"] = constant_friction(friction.base / ((1 - share) * entry.ratio))
         values["motor_viscous"] = linear_drag(friction.viscous / ((1 - share) * entry.ratio**2))
         losses = "identified friction at the output: base, load-dependent, viscous"
-    return Candidate(
-        name=name,
-        motor=name,
-        gear_name=None,
-        ratio=entry.ratio,
-        ratings=ratings_of(entry),
-        at_output=True,
-        linear=entry.output == "linear",
-        gear=None,
-        transmission=None if missing else Transmission.model_construct(**values),
-        missing=missing,
-        mass=entry.mass,
-        price=entry.price,
-        rotor_inertia=entry.rotor_inertia,
-        back_driving_torque=entry.back_driving_torque,
-        bearing=entry.bearing,
-        backlash=entry.backlash,
-        stand_ins=_stand_ins(entry),
-        notes=_notes(name, entry),
-        losses=losses,
-        sources=(f"{name}: {entry.source} ({entry.grade})",),
-    )
+    transmission = None if entry.rotor_inertia is None else Transmission.model_construct(**values)
+    return Candidate(name, entry, None, None, entry.ratio, transmission, losses, entry.bearing)

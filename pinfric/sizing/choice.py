@@ -345,9 +345,10 @@ def _stop_peaks(
     """
     stops, chosen = task.scene.stops, dict[int, Candidate]()
     for i, made in ((i, a.candidate) for i, a in taken.items()):
-        if (gear := made.transmission) is not None and gear.brake is not None:
+        if (gear := made.transmission) is not None and gear.brake and made.brake_entry:
             brake = gear.brake.model_copy(update={} if stops else {"engage_time": None})
-            inertia = gear.rotor_inertia - made.brake_unsure
+            low, high = made.brake_entry.inertia_ends
+            inertia = gear.rotor_inertia - (high - low)
             gear = gear.model_copy(update={"rotor_inertia": inertia, "brake": brake})
             made = replace(made, transmission=gear)
         chosen[i] = made

@@ -395,8 +395,8 @@ def _of_gears(
         ],
         entries=entries,
         motors=listed,
-        make=lambda g, m: motor_with_gear(names[m], listed[m], *gears[g], ratings[m]),
-        bare=lambda g: motor_with_gear("", blank, gears[g][0], best[g], gears[g][2], Ratings()),
+        make=lambda g, m: motor_with_gear(names[m], listed[m], *gears[g]),
+        bare=lambda g: motor_with_gear("", blank, gears[g][0], best[g], gears[g][2]),
     )
 
 

@@ -100,7 +100,10 @@ def test_links_hold_the_drives_that_a_robot_is_equipped_with(arm, tmp_path, befo
     """And no other: a drive of unknown mass adds none."""
     scene = arm[0].with_(masses=before)
     known = sized_cycle(one_drive(tmp_path)).joints[0].choice.candidate
-    drives = {2: known, 3: dataclasses.replace(known, mass=None)}
+    drives = {
+        2: known,
+        3: dataclasses.replace(known, gear=known.gear.model_copy(update={"mass": None})),
+    }
     found = equip(scene, drives, Conditions())
     words = {} if before is None else dict.fromkeys(scene.actuator_names, before)
     assert found.masses == words | {scene.actuator_names[2]: "with_drives"}

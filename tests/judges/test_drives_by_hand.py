@@ -27,7 +27,7 @@ from pinfric.drives.catalog import Motor, Screw
 from pinfric.drives.catalog_file import load_catalog
 from pinfric.drives.criterion import Status
 from pinfric.drives.demand import DriveCycle, GearDemand, average_output_effort
-from pinfric.drives.drivetrain import Candidate, motor_cycle, ratings_of
+from pinfric.drives.drivetrain import Candidate, motor_cycle
 from pinfric.drives.limit import JointCase
 from pinfric.drives.limits import check
 from pinfric.drives.policy import Conditions
@@ -343,7 +343,7 @@ def hot(parts, motor, **conditions):
     cycle = DriveCycle(t, torque, torque, torque, speed, 0 * t, never, never | (not turning), 0.0)
     entry = Motor(**SOURCED, **motor)
     direct = Transmission(ratio=1.0, rotor_inertia=1e-5)
-    candidate = Candidate("M", "M", None, 1.0, ratings_of(entry), transmission=direct)
+    candidate = Candidate("M", entry, None, None, 1.0, direct)
     wanted = Conditions(**conditions)
     top = max(abs(T) for _, T in parts)
     demand = GearDemand("axis", "N m", top, 10.0, 10.0, 1.0, None, None, None)
