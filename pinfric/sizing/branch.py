@@ -5,9 +5,8 @@ pose,
 
     lambda_max(K^-1/2 M(q) K^-1/2) <= (2 pi f)^-2,
 
-which falls with every stiffness K and rises with every mass that M carries. So a set of drives of
-which some are open can do no better than with the stiffest and the lightest drive at each open
-joint: branch and bound over the fronts of mass and stiffness is exact.
+which falls with every stiffness K and rises with every drive's mass. The stiffest and the lightest
+drive at each open joint bound what a partial set can reach, so branch and bound is exact.
 """
 
 from __future__ import annotations
@@ -36,7 +35,7 @@ class SwingingArm:
     def slowest(
         self, masses: np.ndarray, stiffness: np.ndarray, poses: list[int] | None = None
     ) -> np.ndarray:
-        """Return (P,) lambda_max of a set of drives, s^2; at some poses only."""
+        """Return (P,) lambda_max of a set of drives, s^2."""
         part = slice(None) if poses is None else poses
         M = self.still[part] + np.einsum("k,kpij->pij", masses, self.per_mass[:, part])
         root = stiffness**-0.5
@@ -62,8 +61,8 @@ def stiff_enough(
     """Return the lightest choice, one of each front, and how many sets were looked at.
 
     Args:
-        arm: the robot. fronts: of each joint (mass, stiffness, added mass) of its drives; the last
-            is what of the mass is not in the robot's links already.
+        fronts: of each joint (mass, stiffness, added mass) of its drives, kg and N m/rad; the added
+            mass is what the robot's links do not hold already.
     """
     n = len(fronts)
     table = [np.array(front, dtype=float).reshape(-1, 3) for front in fronts]

@@ -28,11 +28,8 @@ _PAYLOAD = "payload "
 def unclosed(result: InverseResult, duty: Schedule) -> tuple[str, ...]:
     """Return in words how a cycle's end differs from its start; empty if it closes.
 
-    A position counts from 0.1 % of the joint's farthest way from its start on (and 1e-4 rad or m),
-    a velocity from 0.1 % of the largest one (and the stick velocity): a log closes no better.
-
-    Args:
-        result: of all cycles. duty: which samples are which cycle.
+    Allowed are 0.1 % of a joint's travel (1e-4 rad or m) and of its largest velocity (the stick
+    velocity): a log closes no better.
     """
     gaps = []
     for name, part in duty.parts():
@@ -42,11 +39,7 @@ def unclosed(result: InverseResult, duty: Schedule) -> tuple[str, ...]:
 
 
 def discontinuities(result: InverseResult, duty: Schedule) -> tuple[str, ...]:
-    """Return in words the cycles of a period that do not begin where the one before ends.
-
-    Args:
-        result: of all cycles. duty: which samples are which cycle.
-    """
+    """Return in words the cycles of a period that do not begin where the one before ends."""
     return tuple(
         f"{duty.names[k]} does not begin where {duty.names[k - 1]} ends"
         for k, (_, part) in enumerate(duty.parts())
@@ -55,7 +48,6 @@ def discontinuities(result: InverseResult, duty: Schedule) -> tuple[str, ...]:
 
 
 def _gaps(scene: Scene, states: States) -> list[str]:
-    """What of one cycle does not end as it began."""
     gaps = []
     away = pin.difference(scene.model, states.q[0], states.q[-1])
     some = states.q[:: len(states.q) // _LOOKED_AT + 1]

@@ -1,11 +1,10 @@
 """The choice of drives for a robot along its cycles.
 
-Motors have mass. The motor and gear of joint j are held by the joint's parent link, with their mass
-at the joint's origin (a point; their own moments of inertia and their offset from the axis are left
-out), so they load the joints nearer to the base, not their own. Joints are therefore sized from the
-tips to the base, each with the drives chosen beyond it in the model, and all over again until no
-choice changes. The rotor's inertia acts on its own motor as r^2 J a; gyroscopic torques of rotors,
-and their share in other joints' inertias, are left out (for ratio r: 1/r of it).
+Motor and gear of joint j are a point mass at its origin, on its parent link: they load the joints
+nearer to the base, not their own. So joints are sized from the tips to the base, each with the
+drives chosen beyond it in the model, until no choice changes. The rotor acts on its own motor as
+r^2 J a. Left out are the drives' own moments of inertia, their offset from the axis, and gyroscopic
+torques of rotors and their share in other joints' inertias (1/r of r^2 J).
 """
 
 from __future__ import annotations
@@ -63,15 +62,15 @@ _NOT_SIMULATED = 1.3
 
 @dataclass(frozen=True)
 class Task:
-    """What is sized: a robot along its cycles, however it is mounted.
+    """What is sized: a robot along its cycles.
 
     Attributes:
-        given: the scene. scene: the same without what the replaced drives lose.
+        given: the scene. scene: the same without losses of the drives that are replaced.
         motion, duty: the cycles, and which samples are which. rating: that the motion contains.
         catalog: None: demand only. conditions: what is demanded.
-        robots: by how they are mounted: the scene's own "", then those that `mounting: any` asks
-            for, and those of other scenes, whose duties `elsewhere` has.
-        files: scene, URDF, cycles and catalogue. progress: called with a line at each step.
+        robots: by mounting: the scene's own "", those of `mounting: any`, and those of other
+            scenes, whose duties are in `elsewhere`.
+        files: that were read. progress: called with a line at each step.
         unloaded: (nv,) joints that move no mass.
         arrays: of the catalogue, by whether they are for sliding joints.
     """
@@ -97,7 +96,7 @@ class Task:
 
     @property
     def stops_once(self) -> bool:
-        """Whether the scene says how it is stopped, of one cycle."""
+        """Whether stops can be simulated: the scene has `stops`, and there is one cycle."""
         stops = self.scene.stops is not None and self.catalog is not None
         return stops and len(list(self.duty.parts())) == 1
 
@@ -107,7 +106,7 @@ class Task:
         return replace(self, given=given, scene=scene)
 
     def added(self, taken: Mapping[int, Assessment]) -> dict[int, float]:
-        """Return the masses that drives add to the robot's links, by the drives' columns."""
+        """Return the masses that drives add to the robot's links, kg, by column."""
         masses = {i: a.mass for i, a in taken.items()}
         return added_masses(self.scene, self.conditions, masses)
 
@@ -147,8 +146,8 @@ def task_of(
     """Return what is sized; arguments as of `size` and `Task`.
 
     Raises:
-        SizingError: neither a cycle nor a rating, or both of kinds that do not go together; no
-            link that moves has a mass.
+        SizingError: neither a cycle nor a rating, or kinds of both that do not go together; no link
+            that moves has a mass.
     """
     # 1. The motion: cycles, a rating, or both one behind the other
     motion: MotionLike
@@ -234,9 +233,9 @@ class Demanded:
     """What drives must meet beside the cycle, by their columns.
 
     Attributes:
-        efforts: that gears must bear in stops, N m or N. note: where these are from, in words.
+        efforts: that gears must bear in stops, N m or N. note: their source, in words.
         least: what of it a simulation of the stops showed.
-        braking: what braking under power from each sample takes, without payload and with.
+        braking: braking under power from each sample, without payload and with.
         most: kg, that a drive may weigh. banned: names of drives that may not be taken again.
     """
 
@@ -259,7 +258,7 @@ class DriveChoice:
     """Drives taken, by their columns: those that fit, provisional ones, the closest ones.
 
     Attributes:
-        taken: with their criteria. demanded: what they were held against beside the cycle.
+        demanded: what they were held against beside the cycle.
         passes, settled, open_stops: as of `SizingReport`.
     """
 
@@ -285,12 +284,11 @@ def _names(taken: Mapping[int, Assessment]) -> dict[int, str]:
 
 
 def bearing_stops(task: Task, demanded: Demanded | None = None) -> DriveChoice:
-    """Choose; gears must bear the stops of all joints together with this choice; again.
+    """Choose drives whose gears bear the peaks of all joints' stops with these drives.
 
-    Until the choice bears its own stops and none lighter would do: what it takes depends on no
-    drive that was chosen before. Only where choices come back the largest peaks count. Where no
-    simulation follows, gears must bear 1.3 times what algebra says. Of a rating alone no choice
-    is made by it, unless the scene has `stops`: what its gears do not bear is not signed.
+    Only the peaks of the last choice count, so that the result depends on no earlier one; where
+    choices come back, the largest of all. Where no simulation of the stops follows, gears must bear
+    1.3 times the peaks. A rating alone demands no stops unless the scene has `stops`.
     """
     choice, scene, seen = choose(task, demanded or Demanded()), task.scene, list[dict[int, str]]()
     if task.catalog is None or scene.linkage is not None or scene.mobility.redundant:
@@ -331,17 +329,17 @@ def bearing_stops(task: Task, demanded: Demanded | None = None) -> DriveChoice:
 
 
 def overloaded(peaks: Mapping[int, float], taken: Mapping[int, Assessment]) -> dict[int, float]:
-    """Return the peaks (N m or N), by the drives' columns, that are more than gears bear."""
+    """Return the peaks (N m or N), by column, that are more than gears bear."""
     return {i: peak for i, peak in peaks.items() if i in taken and peak > momentary_peak(taken[i])}
 
 
 def _stop_peaks(
     task: Task, taken: Mapping[int, Assessment]
 ) -> tuple[np.ndarray, tuple[InverseResult, ...]]:
-    """`cycle_peaks` of a choice in each mounting, and `braking`.
+    """Return `cycle_peaks` of a choice, the largest of all mountings, and `braking`.
 
-    A brake of unknown inertia has next to none: a heavy rotor relieves its gear. Of a scene
-    that does not say how it is stopped all brakes close at once.
+    A brake's least inertia counts: a heavy rotor relieves its gear. Without `stops` in the scene
+    all brakes close at once.
     """
     stops, chosen = task.scene.stops, dict[int, Candidate]()
     for i, made in ((i, a.candidate) for i, a in taken.items()):
@@ -428,10 +426,9 @@ def search_at(
 def cases(
     task: Task, i: int, masses: Mapping[int, float], demanded: Demanded
 ) -> dict[tuple[str, str], JointCase]:
-    """Return a joint, with a rating once by each of its parts, and once by each mounting, by both.
+    """Return a joint for each part of a rating and mounting, that of largest RMS effort first.
 
-    The one of largest RMS effort first. A brake holds the largest load of all mountings, where
-    their motions differ in every pose.
+    A brake holds the largest load of all mountings, where their motions differ in every pose.
 
     Args: as of `search_at`.
     """
@@ -465,7 +462,7 @@ def _ban(
     seen: list[dict[int, Assessment]],
     taken: Mapping[int, Assessment],
 ) -> Demanded:
-    """Ban the lightest of what alternates at the outermost joint where a choice comes back."""
+    """Ban the lightest alternating drive at the outermost joint where a choice comes back."""
     now, before = _names(taken), [_names(one) for one in seen]
     seen.append(dict(taken))
     if len(before) >= _PATIENCE and now in before[:-1]:
@@ -481,7 +478,7 @@ def _ban(
 def _together(
     task: Task, taken: dict[int, Assessment], searches: Mapping[int, DriveSearch]
 ) -> dict[int, Assessment]:
-    """The lightest set that swings no slower than `lowest_frequency`; else each by itself."""
+    """Return the lightest set that swings no slower than `lowest_frequency`, or `taken`."""
     wanted, scene = task.conditions.lowest_frequency, task.scene
     turning = [i for i in sorted(searches) if not searches[i].arrays.linear]
     fronts = [searches[i].front() for i in turning]
@@ -509,7 +506,6 @@ def _together(
 def _arm(
     task: Task, turning: Sequence[int], others: Mapping[int, float], frequency: float
 ) -> SwingingArm:
-    """The arm that swings on the gears of some drives, at every pose of the cycle."""
     robot, scene = task.robot, task.scene
     states = robot.base.result.states
     poses = np.flatnonzero(np.append(True, (states.q[1:] != states.q[:-1]).any(axis=1)))
@@ -526,7 +522,7 @@ def _arm(
 def _shared(
     task: Task, taken: Mapping[int, Assessment], searches: Mapping[int, DriveSearch]
 ) -> dict[int, Assessment]:
-    """The lightest motor and gear of each group of `same_drive`, if one fits all its joints."""
+    """Return the lightest motor and gear of each group of `same_drive` that fits all its joints."""
     shared: dict[int, Assessment] = {}
     for group in task.conditions.same_drive:
         own = [i for i in map(task.scene.actuator_names.index, group) if i in searches]
@@ -545,7 +541,7 @@ def _shared(
 
 
 def contradiction(task: Task, taken: Mapping[int, Assessment]) -> str:
-    """Say that links are lighter than the drives that the scene says they hold; else empty."""
+    """Say that links are lighter than the drives that they are said to hold; else empty."""
     masses = {i: a.mass for i, a in taken.items()}
     held = held_drives(task.scene, masses, task.conditions.mass_in_urdf)
     worst = held[0] if held[0].share > 1.0 else max(held, key=lambda one: one.share)
@@ -558,10 +554,9 @@ def contradiction(task: Task, taken: Mapping[int, Assessment]) -> str:
 
 
 def light_enough(task: Task, choice: DriveChoice) -> tuple[DriveChoice, str] | None:
-    """Return a choice of drives that the links can hold, and what is said of it; None: none is.
+    """Return a choice of drives that the links can hold, and what is said of it, or None.
 
-    None of it need be signed: each is at most its part of the links that weigh least for the
-    number of drives in them.
+    Each drive weighs at most the least of links' mass per drive; it may be provisional.
     """
     each = held_drives(task.scene, dict.fromkeys(choice.taken, 1.0), task.conditions.mass_in_urdf)
     most = min(one.links / one.drives for one in each if one.drives)
@@ -580,7 +575,7 @@ def light_enough(task: Task, choice: DriveChoice) -> tuple[DriveChoice, str] | N
 def brakes_of(catalog: Catalog, scene: Scene) -> dict[str, Brake]:
     """Return the brakes that a robot may have, the smallest first.
 
-    Where the scene says how it is stopped: those with an `engage_time`, if there are any.
+    Where the scene has `stops`, those with an `engage_time`, if there are any.
     """
     timed = {n: brake for n, brake in catalog.brakes.items() if brake.engage_time is not None}
     return ranked(catalog.brakes if scene.stops is None else timed or catalog.brakes)

@@ -1,14 +1,13 @@
 """Motors and gears of a catalogue as arrays, and what of them may fit a joint.
 
-Gears are left out by their own figures first; only those left get a loss model, once each, without
-a rotor: torques at the input between m - h and m + h. A rotor of inertia J adds J a at every
-sample, so that over the whole cycle
+Gears are left out by their own figures first. The others get a loss model without a rotor: torques
+at the input between m - h and m + h. A rotor of inertia J adds J a, so that over the cycle
 
     worst torque = |m + J a| + h,
-    RMS^2 >= <m^2> + 2 J <m a> + J^2 <a^2> + <h^2> + 2 |<h m> + J <h a>|,
+    RMS^2 >= <m^2> + 2 J <m a> + J^2 <a^2> + <h^2> + 2 |<h m> + J <h a>|:
 
-six numbers of a gear for all motors at once; two samples bound the peak. A drive that fails by a
-lower bound fails. The others are judged exactly, from the lightest on.
+six numbers of a gear for all motors; a few samples bound the peak. Drives that pass these lower
+bounds are judged exactly, from the lightest on.
 """
 
 from __future__ import annotations
@@ -76,7 +75,7 @@ class Assessment:
     """One drive at one joint with all its criteria.
 
     Attributes:
-        drives: the one drive as rows read it, without samples.
+        drives: as rows read it, without samples.
         lacks: figures of the policy that are not known: it cannot be signed.
         would: of a provisional drive, what these must be; else empty.
     """
@@ -86,7 +85,7 @@ class Assessment:
     would: tuple[str, ...] = ()
 
     def where(self, **case: Any) -> Assessment:
-        """Return the same drive at a joint of which more is known, by fields of its case."""
+        """Return the same drive with other fields of its joint's case."""
         known = self.drives.case._replace(**case)
         return replace(self, drives=replace(self.drives, case=known))
 
@@ -130,7 +129,7 @@ class Assessment:
 
     @property
     def motor(self) -> MotorFigures | None:
-        """What the cycle asks of the motor; None where figures are missing."""
+        """Demand on the motor; None where figures are missing."""
         return self.drives.asked.figures
 
     @cached_property
@@ -141,18 +140,18 @@ class Assessment:
 
     @cached_property
     def not_checked(self) -> tuple[Criterion, ...]:
-        """The criteria for which a figure is missing."""
+        """The criteria that lack a figure."""
         return tuple(c for c in self.criteria if c.unchecked)
 
     @cached_property
     def fits(self) -> bool:
-        """It fails no criterion, and every figure that the policy asks for is there."""
+        """Whether it fails no criterion, and no necessary figure is missing."""
         known = not self.lacks and not self.unknown
         return known and not any(margin < 0 for _, margin in self._margins)
 
     @cached_property
     def unknown(self) -> tuple[str, ...]:
-        """Figures that a condition asks for, and that are not known."""
+        """Missing figures that a condition asks for."""
         conditions = self.drives.conditions
         wanted = {"backlash", "continuous torque"}
         wanted |= (
@@ -183,7 +182,7 @@ class Assessment:
 
 
 def rank(assessment: Assessment) -> tuple[float, bool, float, str]:
-    """Order of drives that fit: by mass, printed before computed curves, then margin, then name."""
+    """Order by mass, printed before computed pull-out curves, then margin, then name."""
     computed = assessment.candidate.ratings.computed_curve
     return assessment.mass or 0.0, computed, -round(assessment.margin, 9), assessment.name
 
@@ -192,7 +191,7 @@ def rank(assessment: Assessment) -> tuple[float, bool, float, str]:
 class Ask:
     """A product that cannot be signed, and the figures to ask its maker for.
 
-    `source`: the document of its other figures. `kind`: of a gear.
+    `source`: of its other figures. `kind`: of a gear.
     """
 
     name: str
@@ -207,12 +206,12 @@ class _Group:
     """Gears (rows) with motors (columns), or gearmotors (rows) alone.
 
     Attributes:
-        drives: as rows read them, without a joint: each array has a row, or one for each gear.
-        mass, fits: (ng, nm) kg; the two go together.
-        names, gear_lacks: of gears; figures. entries: of gears or gearmotors.
-        motor_names, motor_lacks, motors: the same of motors.
+        drives: as rows read them, without a joint; arrays have one row, or one for each gear.
+        mass, fits: (ng, nm) kg; whether the two go together.
+        names, entries, gear_lacks: of gears or gearmotors, and the figures that they lack.
+        motor_names, motors, motor_lacks: the same of motors.
         make: drive of a gear and a motor by their numbers. bare: of a gear, without a motor.
-        brake_group: of each motor, those of one number go with the same `brakes` (`brakes_for`).
+        brake_group: (nm,) motors of one number go with the same `brakes` (`brakes_for`).
     """
 
     drives: Candidates
@@ -236,17 +235,17 @@ class _Group:
 
     @cached_property
     def signable(self) -> np.ndarray:
-        """(nm,) of which motors every figure is known."""
+        """(nm,) motors of which every figure is known."""
         return np.array([not lacking for lacking in self.motor_lacks])
 
     @cached_property
     def steppers(self) -> list[tuple[int, Stepper]]:
-        """Place among motors of each stepper, with what its makers say of it."""
+        """Column and figures of each stepper."""
         return [(m, motor.stepper) for m, motor in enumerate(self.motors) if motor.stepper]
 
     @cached_property
     def by_name(self) -> np.ndarray:
-        """(nm,) place of each motor among all, by its name with a blank behind."""
+        """(nm,) rank of each motor by name and blank, as it begins the name of a drive."""
         return np.argsort(np.argsort(np.array([f"{name} " for name in self.motor_names])))
 
     def braked(
@@ -255,8 +254,7 @@ class _Group:
         """Yield greatest inertia and mass (n, nm) of each brake on trial, 0 where there is none.
 
         Args:
-            gears: (n,) rows. options: of each gear and brake group, as of `_GearAtJoint`; the last
-                one is repeated.
+            gears: (n,) rows. options: of each gear and brake group, as of `_GearAtJoint`.
         """
         brake_group = self.brake_group[gears][:, None] if self.at_output else self.brake_group
         for k in range(max(len(own) for row in options for own in row)):
@@ -288,8 +286,7 @@ class CatalogArrays:
     """The drives of a catalogue for turning, or for sliding joints.
 
     Args:
-        catalog: what there is. conditions: ambient temperature, for ratings. linear: which joints.
-        brakes: the smallest first.
+        conditions: ambient temperature, for ratings. brakes: the smallest first.
     """
 
     def __init__(
@@ -323,7 +320,7 @@ class CatalogArrays:
                 group.brake_group = np.array([number_of[words] for words in brake_group])
 
     def brakes_for(self, motor: str, integrated: bool = False) -> dict[str, Brake]:
-        """Return the brakes that go with this motor, the smallest first."""
+        """Return the brakes that go with a motor, the smallest first."""
         return {n: brake for n, brake in self.brakes.items() if brake.goes_with(motor, integrated)}
 
     def worst_efficiency(self, kind: str) -> float | None:
@@ -401,19 +398,18 @@ def _of_gears(
 
 
 def _upright(values: Sequence[float] | np.ndarray) -> np.ndarray:
-    """A figure of each gear, as a column."""
     return np.asarray(values, dtype=float)[:, None]
 
 
 def _at_best(gear: Gear) -> Gear:
-    """A gear with no loss and no inertia where these are not known: nothing real is better."""
+    """A gear without loss and inertia where these are not known: a bound."""
     best = {"efficiency": 1.0, "input_inertia": 0.0}
     unknown = {figure: x for figure, x in best.items() if getattr(gear, figure) is None}
     return gear.model_copy(update=unknown) if unknown else gear
 
 
 def _with_rotor(entry: GearMotor) -> GearMotor:
-    """A gearmotor with next to no rotor where its inertia is not known."""
+    """A gearmotor with next to no rotor where its inertia is not known: a bound."""
     known = entry.rotor_inertia is not None
     return entry if known else entry.model_copy(update={"rotor_inertia": 1e-12})
 
@@ -457,8 +453,8 @@ class _GearAtJoint:
         ends: (T,) twice, torques at the input without rotor.
         means: over the cycle of m^2, m a, a^2, h^2, h m and h a (see the module).
         samples: m, h, a and speed where |m| + h, |a| and the speed are largest.
-        brakes: of each brake group of motors that drives may get, the smallest first; None: none.
-        margin: the least of its own rows.
+        brakes: options of each brake group, the smallest first; None: no brake.
+        margin: the least of the rows that read its entry.
     """
 
     ends: tuple[np.ndarray, np.ndarray]
@@ -472,8 +468,7 @@ class DriveSearch:
     """The drives of a catalogue at one joint.
 
     Args:
-        arrays: of turning or of sliding drives. case: the joint. parts: its own.
-        beside: of the same arrays: what a drive must fit as well. It is judged where it fits worst.
+        beside: searches of the same arrays for other cases: a drive is judged where it fits worst.
     """
 
     def __init__(
@@ -517,7 +512,6 @@ class DriveSearch:
         return min((float(x) for x in margins if not np.isnan(x)), default=np.inf)
 
     def _row(self, b: int, g: int) -> _GearAtJoint:
-        """A gear with its losses, its brake, and the margin of the rows that read its entry."""
         if (b, g) in self._rows:
             return self._rows[b, g]
         group, case = self.arrays.groups[b], self.case
@@ -541,7 +535,7 @@ class DriveSearch:
         return row
 
     def _brakes(self, group: _Group, g: int, bare: Candidate) -> list[list[Brake | None]]:
-        """Of each brake group the brakes that a drive may get: more than one by stop energy.
+        """Return the brakes that drives may get, of each brake group; more than one by stop energy.
 
         The energy of a stop, T_b (J omega^2 + 2 omega T t + T^2 t^2/J)/2/(T_b - T) with the load T,
         is convex in J: what the lightest and the heaviest rotor bear, all between them do.
@@ -566,10 +560,9 @@ class DriveSearch:
         return by_group
 
     def _stop(self, made: Candidate, inertia: float) -> Stop | None:
-        """The hardest stop by a brake at a drive's shaft, where the load's inertia is known.
+        """The hardest stop by a brake at a drive's shaft; None: the load's inertia is not known.
 
-        Args:
-            made: gives the ratio. inertia: of rotor and gear input, kg m^2.
+        `inertia`: of rotor and gear input, kg m^2.
         """
         load, rest = self.case.load_inertia, self.case.rest
         if load is None or rest is None:
@@ -593,7 +586,7 @@ class DriveSearch:
         return rest.reserve(conditions) * largest(rest.load) / abs(drive_.ratio)
 
     def margins(self, b: int, gears: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(n, nm) bounds of the least margins of some gears with every motor, and their masses."""
+        """Return (n, nm) upper bounds of some gears' margins with every motor, and their masses."""
         group, conditions = self.arrays.groups[b], self.case.conditions
         rows = [self._row(b, int(g)) for g in gears]
         mm, ma, aa, hh, hm, ha = np.array([row.means for row in rows]).T[:, :, None]
@@ -631,7 +624,7 @@ class DriveSearch:
         return best, lightest
 
     def _least_pull_out(self, group: _Group, ends: Sequence[tuple[np.ndarray, ...]]) -> np.ndarray:
-        """(n, nm) bounds of the shares of pull-out torques that samples take; NaN: no stepper."""
+        """(n, nm) lower bounds of the shares of pull-out torques; NaN: no stepper."""
         shares = np.full(ends[0][0].shape, np.nan)
         bus, slow = self.case.conditions.bus_voltage, self.case.cycle.stick_velocity
         half, speed = (np.stack([np.abs(end[k][:, 0]) for end in ends]) for k in (1, 2))
@@ -647,7 +640,7 @@ class DriveSearch:
     def _bounds(
         self, b: int, gears: np.ndarray
     ) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
-        """Yield some gears at a time with their `margins`."""
+        """Yield some gears at a time, as memory allows, with their `margins`."""
         step = max(1, _MOST // max(len(self.arrays.groups[b].motor_lacks), 1))
         for k in range(0, len(gears), step):
             yield gears[k : k + step], *self.margins(b, gears[k : k + step])
@@ -668,7 +661,7 @@ class DriveSearch:
     def _offers(self) -> Iterator[tuple[float, float, int, int, int]]:
         """Yield (mass, margin, group, gear, motor) of drives that fail by no bound.
 
-        The lightest first; of the margin an upper bound, of equal masses the greatest first.
+        The lightest first; of equal masses that of the greatest margin, which is an upper bound.
         """
         gears: list[tuple[float, int, int]] = []
         for b, group in enumerate(self.arrays.groups):
@@ -693,7 +686,7 @@ class DriveSearch:
                 yield lightest, -short, where[0], where[1], where[2]
 
     def _of_one(self, b: int, g: int) -> Iterator[tuple[float, float, str, int, int, int]]:
-        """Yield mass, minus margin and name of a gear with motors, and their numbers, in order."""
+        """Yield mass, minus margin, name and numbers of a gear's drives, in order."""
         group, (least, mass) = self.arrays.groups[b], self.margins(b, np.array([g]))
         short, mass = -np.minimum(least[0], self.gear_margins[b][g]), mass[0]
         able = group.fits[g] & group.signable & np.isfinite(mass) & (mass <= self.parts.most)
@@ -703,7 +696,7 @@ class DriveSearch:
             yield float(mass[m]), float(short[m]), name, b, g, m
 
     def offers(self) -> Iterator[tuple[float, float, int, int, int]]:
-        """Yield the same, of which what was found before is not searched again."""
+        """Yield the same; what an earlier call reached is not searched again."""
         k = 0
         while True:
             if k == len(self._found):
@@ -761,7 +754,7 @@ class DriveSearch:
         return fitting
 
     def front(self) -> list[Assessment]:
-        """Return the drives that fit for which no lighter one has as stiff a gear, by mass."""
+        """Return the drives that fit of which no lighter one has as stiff a gear, by mass."""
         front: list[Assessment] = []
         stiffest, alike = 0.0, list[Assessment]()
         offers = list(self.offers())
@@ -778,7 +771,7 @@ class DriveSearch:
         return front
 
     def all_of_few(self) -> list[Assessment]:
-        """Return all drives of a small catalogue, also those that cannot be signed; else none."""
+        """Return all drives of a small catalogue, judged; of a larger one none."""
         if self.arrays.count > _FEW:
             return []
         pairs = (
@@ -787,7 +780,7 @@ class DriveSearch:
         return [self.judge(b, int(g), int(m)) for b, g, m in pairs]
 
     def nearest(self, below: float = np.inf, worst: float = -10.0) -> Assessment | None:
-        """Return the drive lighter than `below` (kg) that misses by least, none beyond a margin."""
+        """Return the drive below a mass (kg) of the greatest margin, which exceeds `worst`."""
         options: list[tuple[float, float, int, int, int]] = []
         for b, group in enumerate(self.arrays.groups):
             known = self._complete[b]
@@ -815,8 +808,8 @@ class DriveSearch:
     def ask(self, below: float = np.inf) -> tuple[Ask, ...]:
         """Return the gears and motors that might do but lack figures, by fewest missing, mass.
 
-        Each has a partner that lacks none, with which it fails by no bound and, where the masses
-        are known, is lighter than `below` (kg), its brake included.
+        Each has a complete partner with which it fails by no bound and, where the masses are known,
+        is lighter than `below` (kg), brake included.
         """
         asks: dict[str, Ask] = {}
         for b, group in enumerate(self.arrays.groups):
@@ -855,7 +848,7 @@ def momentary_peak(assessment: Assessment) -> float:
 def _least_voltage(
     motor: Figures, middle: np.ndarray, half: np.ndarray, speed: np.ndarray, cool: float
 ) -> np.ndarray:
-    """A bound of the voltage that a torque between two ends takes at a speed, its winding cold."""
+    """A lower bound of the voltage that a torque between two ends takes, the winding cold."""
     per_torque = motor.resistance / motor.torque_constant
     back = motor.torque_constant
     other = motor.nominal_voltage / motor.stall_torque, motor.nominal_voltage / motor.no_load_speed

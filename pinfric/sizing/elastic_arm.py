@@ -87,8 +87,8 @@ def reversal_criteria(
 ) -> tuple[Criterion, ...]:
     """Return the reversal error of each drive's joint; none where it is not asked for.
 
-    What friction winds up either way, and the play of its gear. The gear's hysteresis is the
-    wind-up by friction as its maker found it: the greater one counts.
+    Backlash, and wind-up by friction or, where greater, the gear's hysteresis, which is the same
+    wind-up as its maker found it.
 
     Args:
         backlash: of each drive's gear, rad (m); None: not known.

@@ -18,10 +18,10 @@ _, _SCENE, _ROBOT, _MOTORS = CHOSEN
 
 
 def sized_files(report: SizingReport, folder: Path) -> dict[str, str]:
-    """Return name -> text of the file; none where a joint of the scene has no drive that fits.
+    """Return name -> text of the files; none where a joint has no drive that fits.
 
-    The scene has the gears, rotors and brakes of the chosen drives, its robot their masses; the
-    motors file names them for `retime`.
+    The scene has gears, rotors and brakes of the chosen drives, its robot their masses; the motors
+    file names them for `retime`.
 
     Args:
         folder: where they will stand; files are named relative to it.

@@ -1,15 +1,14 @@
 """Provisional drives: what would fit a joint for which nothing can be signed, and what to ask for.
 
-Up to three figures of such a drive are not printed, none of its ratings of torque. Everything known
-passes. A missing figure is turned round: the need of the row that lacks it is what it must be.
+Such a drive lacks up to three figures, none of them a torque rating; all known rows pass. The need
+of the row that lacks a figure is what the figure must be.
 
 - Efficiency: the worst known of the kind stands in.
-- Inertia: the drive is judged with the least that its inertia ratio permits; it may be so large
-  that the motor still passes.
+- Inertia: the least that its inertia ratio permits; then the largest with which the motor passes.
 - Continuous torque of a hobby servo: a fifth of its stall torque (ROBOTIS, Torque Ratings, 2020).
   Where nothing else fits the servo may need more: it runs hot.
 
-A provisional drive never competes with one that can be signed, and never signs.
+A provisional drive is taken only where none can be signed.
 """
 
 from __future__ import annotations
@@ -38,10 +37,7 @@ _DOUBLINGS, _HALVINGS = 20, 12
 
 
 def provisional(search: DriveSearch) -> Assessment | None:
-    """Return the drive of fewest missing figures, then the lightest, all of whose known rows pass.
-
-    Its `would` says of each missing figure what it must be.
-    """
+    """Return the drive of fewest missing figures, then the lightest, that passes all known rows."""
     tried = sorted(_offers(search))[:_TRIED]
     for hot in (False, True):
         for _, _, b, g, m in tried:
@@ -52,12 +48,12 @@ def provisional(search: DriveSearch) -> Assessment | None:
 
 
 def _by_stall(entry: Gear | GearMotor) -> bool:
-    """Whether it is a hobby servo: its continuous torque follows from its stall torque."""
+    """Whether it is a hobby servo, whose continuous torque follows from its stall torque."""
     return isinstance(entry, GearMotor) and entry.continuous_torque is None
 
 
 def _offers(search: DriveSearch) -> Iterator[tuple[int, float, int, int, int]]:
-    """Missing figures, mass, group, gear and motor of what no bound rules out."""
+    """Yield missing figures, mass, group, gear and motor of what no bound rules out."""
     for b, group in enumerate(search.arrays.groups):
         for g in range(len(group.names)):
             own = search.gear_lacks(group, g)
@@ -82,9 +78,9 @@ def _offers(search: DriveSearch) -> Iterator[tuple[int, float, int, int, int]]:
 
 
 def _judged(search: DriveSearch, b: int, g: int, m: int, hot: bool) -> Assessment | None:
-    """A drive with stand-ins for what its maker does not print; None: it does not fit.
+    """Return a drive with stand-ins for missing figures; None: it does not fit.
 
-    `hot`: of a hobby servo only, and the rows of its heat may fail.
+    `hot`: of a hobby servo only; the rows of its heat may fail.
     """
     group = search.arrays.groups[b]
     servo = _by_stall(group.entries[g])
@@ -146,7 +142,7 @@ def _judged(search: DriveSearch, b: int, g: int, m: int, hot: bool) -> Assessmen
 
 
 def _turned(d: Candidates, lacks: set[str]) -> list[str]:
-    """What the figures that only stand beside others must be."""
+    """Say what figures without a stand-in must be."""
     said, (_, rate) = list[str](), d.candidate.units
     if "stiffness" in lacks and d.case.load_inertia:
         c = d.conditions
@@ -169,19 +165,18 @@ def _turned(d: Candidates, lacks: set[str]) -> list[str]:
 
 
 def _up(x: float) -> str:
-    """Three digits that are not less: a limit that is met by them is met."""
+    """Three digits, rounded up."""
     near = float(f"{x:.3g}")
     return f"{near if near >= x else near + 10.0 ** (np.floor(np.log10(x)) - 2):.3g}"
 
 
 def _down(x: float) -> str:
-    """Three digits that are not more."""
+    """Three digits, rounded down."""
     near = float(f"{x:.3g}")
     return f"{near if near <= x else near - 10.0 ** (np.floor(np.log10(x)) - 2):.3g}"
 
 
 def _hot(assessment: Assessment) -> str:
-    """What the continuous torque of a hobby servo must be, and whether it has less."""
     heat = next(c for c in assessment.criteria if c.name == "continuous torque")
     need, has = heat.required or 0.0, heat.available or 0.0
     hot = ", so it runs hot: needs pauses" * any(c.name in _HEAT for c in assessment.failed)

@@ -49,19 +49,19 @@ class JointSizing:
     """One joint's demand and choice.
 
     Attributes:
-        demand, cycle: with the mass of all chosen drives in the model.
+        demand, cycle: with the masses of all chosen drives.
         demand_without_masses: with the model as the scene has it.
         load_inertia: largest inertia about the joint over the cycle, kg m^2 (kg); None where
             closed loops couple the joints.
         motor: the shaft of the drive taken, sample by sample; None without one.
         choice: the lightest that fits; None if none fits.
-        nearest: if none fits, a provisional drive (its `would` is not empty), else the candidate
-            with the smallest shortfall, none beyond -1000 %.
-        nothing_because: why there are no candidates, if a catalogue was given; otherwise empty.
+        nearest: if none fits, a provisional drive (`would` is not empty), else the one with the
+            smallest shortfall, none beyond -1000 %.
+        nothing_because: why there are no candidates; otherwise empty.
         unloaded: the joint moves no mass, and gets no drive (`model.massless`).
         search: of the drives that were looked at.
         decided: with a rating, whose means leave the least of the drive: the cycle's, or its own.
-        alone: with a rating beside a cycle: what each of the two alone would take; None: nothing.
+        alone: with a rating beside a cycle: the drive of each of the two alone; None: none fits.
         mountings: of several mountings, by name, RMS and peak effort; empty: there is one.
     """
 
@@ -149,7 +149,7 @@ class JointSizing:
 
     @property
     def no_fit(self) -> str:
-        """State that no drive fits, and the shortfall of the nearest one; otherwise empty."""
+        """That no drive fits, and the shortfall of the nearest one; otherwise empty."""
         if self.choice is not None or (self.search is None and not self.nothing_because):
             return ""
         if self.search is None or not self.candidates:
@@ -184,26 +184,24 @@ class SizingReport(Shown):
     """The demand of a cycle on every drive, and the drives chosen for it.
 
     Attributes:
-        scene: with the chosen drives' masses and transmissions; the given one without a catalogue.
-        given: the scene as it was given.
+        scene: with the chosen drives; the given one without a catalogue. given: as it was given.
         trajectory: source of the motion. files: scene, URDF, cycles and catalogue.
-        catalog, conditions: the catalogue and the conditions; catalog None: demand only.
+        catalog: None: demand only. conditions: of operation.
         joints: in the order of the scene's drives.
         result, result_without_masses: inverse dynamics of `scene`, and without the drives' masses.
         duty: the samples of each cycle of the period, and the number of its runs.
-        passes: over all joints until no choice changed. settled: no choice changed in the last.
+        passes: over all joints until no choice changed. settled: whether that was reached.
         other_mass: where the scene does not say whether its links hold the drives: mass of the
-            drives that would be chosen if they do, kg; None: it says, or the links are too light
-            for them.
+            drives that would be chosen if they do, kg; None: it says, or the links are too light.
         contradiction: that links are said to hold drives that outweigh them; these were then added.
         assumptions: of the sizing, in sentences.
         unclosed: states that differ between end and start of the cycle; empty if it closes.
         stops: with the chosen drives and their brakes; None: none, or the scene has no `stops`.
-        no_stops: why the stops that the scene asks for could not be judged; "" where they were.
+        no_stops: why the stops that the scene asks for could not be judged; else "".
         rating: what the robot is rated for, beside a cycle or alone; None: a cycle alone.
         elsewhere: scenes in which the robot is mounted otherwise, for which the drives are, too.
-        open_stops: of a rating alone, by the drives' columns: what the gears would have to bear in
-            stops, N m or N; no drive was chosen by it. Empty: it was demanded.
+        open_stops: of a rating alone, by column, what the gears would bear in stops, N m or N; not
+            demanded of the choice. Else empty.
     """
 
     scene: Scene
@@ -330,7 +328,6 @@ class SizingReport(Shown):
 
     @cached_property
     def _causes(self) -> tuple[str, ...]:
-        """What of catalogue, ambient or masses keeps joints from being signed."""
         catalog, conditions = self.catalog, self.conditions
         if catalog is None:
             return ()
@@ -366,7 +363,7 @@ class SizingReport(Shown):
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """Assumptions, and what of the needed brakes is not known."""
+        """Assumptions, and what is not printed of brakes."""
         notes = (drive.brake_note for drive in self.drives if drive)
         brakes = dict.fromkeys(note for note in notes if ": " in note)
         text = f"Not printed of brakes: {'; '.join(brakes)}."
@@ -432,9 +429,9 @@ class SizingReport(Shown):
 
 
 def _weight(scene: Scene) -> tuple[str, bool]:
-    """What is doubted of the robot's mass, "" if nothing, and whether it can be signed so.
+    """Return what is doubted of the robot's mass, else "", and whether it can be signed so.
 
-    Robots that are too light by less than ten times are signed where the links are said to be bare.
+    Robots that are too light by less than ten times are signed where links are said to be bare.
     """
     doubt = doubted_mass(scene.model)
     if doubt is None:
@@ -514,7 +511,6 @@ def _of_joint(joint: JointSizing, criteria: tuple[Criterion, ...], doubted: bool
 
 
 def _failing(whose: str, criteria: Iterable[Criterion]) -> list[str]:
-    """One line for each criterion that fails, with whose it is."""
     return [
         f"{whose}: {c.why}" + (f"; {c.note}" if c.note and c.note not in c.why else "")
         for c in criteria

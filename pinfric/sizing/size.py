@@ -63,22 +63,22 @@ def size(
 ) -> SizingReport:
     """Return the demand of a repeated cycle on each drive, and the drives of a catalogue that fit.
 
-    For every joint, from its effort interval (paper eq. 16, 17; at rest 21, 22): peak, RMS, power,
-    holding and break-away effort. With a catalogue: of every motor with every gear that it goes
-    with, the lightest that meets all `limits.LIMITS` and of which every figure of `policy.NEEDS` is
-    known, tip to base, with the chosen drives' mass in the model; with `lowest_frequency` the
-    lightest set that swings no slower.
+    Of every joint, from its effort interval (paper eq. 16, 17; at rest 21, 22): peak, RMS, power,
+    holding and break-away effort. With a catalogue: of all motors with all gears that they go with,
+    the lightest that meets `limits.LIMITS` and lacks no figure of `policy.NEEDS`, tip to base, with
+    the chosen drives' mass in the model; with `lowest_frequency` the lightest set that swings no
+    slower.
 
     Args:
         scene: the robot with its friction. Its `robot.masses` says whether the links hold the
             drives; if not, these are added. The candidates replace its transmissions.
-        trajectory: one cycle, with times; it is repeated without a pause. If it does not end as
-            it began, `SizingReport.unclosed` and a note say so. Several cycles: as a `Duty`. None:
-            by the rating alone.
+        trajectory: one cycle, with times, repeated without a pause; `SizingReport.unclosed` and a
+            note say if it does not end as it began. Several cycles: as a `Duty`. None: by the
+            rating alone.
         catalog: a `Catalog`, a file, "default" for the bundled one, or None for the demand only.
-        rating: what the arm is built for before it has a cycle, `{"payload": 10}` (kg): this
-            payload is held in the worst posture of each joint and lifted from there by it alone
-            (`motions.rating`). Beside a cycle each joint gets what bears both.
+        rating: what the arm is built for before it has a cycle, `{"payload": 10}` (kg): held in the
+            worst posture of each joint and lifted from there by it alone (`motions.rating`). Beside
+            a cycle each joint gets what bears both.
         conditions: in place of the catalogue's: a mapping, or what was set in a `Conditions`.
         on_miss: what to do if no candidate fits a joint; the report says so in any case.
         progress: called with a line of text at each step.
@@ -137,11 +137,7 @@ def size(
 
 
 def _sized(task: Task) -> SizingReport:
-    """Choose until no choice changes, and report; with stops, until gears bear them.
-
-    One simulation of the stops judges the choice; what it finds too weak must bear a little
-    more than it says, and the choice begins anew, twice at most.
-    """
+    """Choose, report, simulate the stops; again with larger peaks where these overload gears."""
     choice = bearing_stops(task)
     impossible = contradiction(task, choice.taken)
     if impossible and (light := light_enough(task, choice)) is not None:
@@ -165,7 +161,6 @@ def _sized(task: Task) -> SizingReport:
 
 
 def _report(task: Task, choice: DriveChoice, impossible: str) -> SizingReport:
-    """The report of a choice, without its stops."""
     joints = tuple(_joint(task, choice, i) for i in range(len(task.scene.drives)))
     chosen = {i: a.candidate for i, a in choice.taken.items()}
     equipped = equip(task.scene, chosen, task.conditions) if chosen else task.scene
@@ -202,7 +197,6 @@ def _report(task: Task, choice: DriveChoice, impossible: str) -> SizingReport:
 
 
 def _other_mass(task: Task, choice: DriveChoice) -> float | None:
-    """Mass of the drives if the links hold them; None: as `SizingReport.other_mass`."""
     scene = task.scene
     names, holds = scene.actuator_names, scene.masses_hold
     if not any(holds[i] is None and carried(scene, i) for i in choice.taken):
@@ -238,7 +232,6 @@ def _stopped(task: Task, report: SizingReport) -> tuple[StopResult | None, str]:
 
 
 def _joint(task: Task, choice: DriveChoice, i: int) -> JointSizing:
-    """The joint with all chosen drives in the model."""
     masses, drive = task.added(choice.taken), choice.taken.get(i)
     of_joint = cases(task, i, masses, choice.demanded)
     search = search_at(task, i, masses, choice.demanded)

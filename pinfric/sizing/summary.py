@@ -282,7 +282,6 @@ def sizing_summary(report: SizingReport) -> SizingSummary:
 
 
 def _hardest(joint: JointSizing) -> Hardest:
-    """In which mounting a joint's RMS and peak effort are largest."""
     figures = joint.mountings
     by_rms, by_peak = (max(figures, key=lambda words: figures[words][k]) for k in (0, 1))
     rms, peak = figures[by_rms][0], figures[by_peak][1]
@@ -370,7 +369,7 @@ def to_ask(report: SizingReport) -> tuple[ToAsk, ...]:
 
 
 def _sized_joint(report: SizingReport, k: int, lever: float) -> SizedJoint:
-    """One joint's sizing; the tool moves by `lever` per rad (m) of it, at most."""
+    """`lever`: by which the tool moves per rad (m) of the joint, at most."""
     joint, verdicts = report.joints[k], report.verdict.joints
     smaller, taken = joint.next_smaller, joint.installed
     return gathered(

@@ -1,17 +1,16 @@
-"""The verdict of a sizing: its headline, tile, colours, table, signature and exit code are of it.
+"""The verdict of a sizing, of which headline, colours, tables, signature and exit code are made.
 
 A joint can be signed if a drive was chosen of which every necessary figure is known, and if all
-criteria of `SizingReport.criteria` pass: of drive, brake, stop and place alike. A criterion enters
-once, where it is judged, and counts from then on:
+`SizingReport.criteria` of it pass. A criterion is judged once:
 
 - of a drive: a row of `drives.limits.LIMITS`,
 - of a brake: `Standstill.criteria`,
-- of a stop, and of the place where it ends: `SizingReport.stops.axes[i].criteria`; of a rating
-  alone what its gear would bear in one: `SizingReport.open_stops`,
+- of a stop and where it ends: `SizingReport.stops.axes[i].criteria`; of a rating alone its gear's
+  peak: `SizingReport.open_stops`,
 - of the bus or the whole robot: `SizingReport.bus` and `.arm_criteria`.
 
-Only `Status.FAILS` counts against a joint. What was not checked does so where a drive cannot be
-signed without it (`Assessment.fits`).
+Only `Status.FAILS` counts. What was not checked counts where a drive cannot be signed without it
+(`Assessment.fits`).
 """
 
 from __future__ import annotations
