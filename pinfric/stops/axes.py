@@ -21,7 +21,7 @@ _ROUNDING = 1e-12
 
 @described
 class AxisStop:
-    """The worst stops of one drive's joint; each figure's own worst of all stops."""
+    """The worst stops of one drive's joint; each figure is the worst of all stops."""
 
     name: str = quantity("the drive's", heading="drive", name=True)
     unit: str = quantity('of its efforts, "N m" or "N"', heading="unit")
@@ -86,12 +86,12 @@ def axis_stop(search: StopSearch, drive: int) -> AxisStop:
 
 
 def stop_grid(search: StopSearch, drive: int, shares: tuple[float, ...]) -> list[StopGrid]:
-    """Return the rows of one drive's joint by payload, the worse of two samples; see `StopGrid`.
+    """Return the rows of one drive's joint by payload, the worse of two samples.
 
     The samples are those of its longest stop and of its farthest.
 
     Args:
-        search: with these stops. drive: its number. shares: of speed and payload.
+        search: with these stops. shares: of speed and payload.
     """
     scene = search.machines.scene
     worst = search.longest(drive), search.farthest(drive)
@@ -126,7 +126,6 @@ def load_name(load: float) -> str:
 def _of_brake(
     search: StopSearch, drive: int, brake: HoldingBrake | None, energy: float
 ) -> Iterator[Criterion]:
-    """A brake's torque against gravity, its energy, and how often it stops the axis."""
     if brake is None:
         return
     ratio = abs(search.machines.scene.drives[drive].ratio)
@@ -164,7 +163,7 @@ def _of_brake(
 
 
 def _of_effort(search: StopSearch, drive: int, peak: float, braking: float) -> Iterator[Criterion]:
-    """What the gear may bear for a moment; what an imposed deceleration may take, by the URDF."""
+    """What the gear may bear for a moment, and what a stated deceleration may take, by the URDF."""
     machines, scene = search.machines, search.machines.scene
     gear, unit = scene.drives[drive].transmission, effort_unit(scene, drive)
     yield compare(
@@ -190,7 +189,7 @@ def _of_effort(search: StopSearch, drive: int, peak: float, braking: float) -> I
 
 
 def _of_place(search: StopSearch, drive: int) -> Iterator[Criterion]:
-    """Whether a joint stays within its limits, in the stop that comes nearest to one."""
+    """Whether a joint stays within its limits."""
     if not search.limited[drive]:
         return
     cycle, worst = search.cycle, search.nearest(drive)

@@ -36,7 +36,6 @@ class Machines:
     """The machines of one scene, made at first use.
 
     Attributes:
-        scene: as given.
         settings: how it is stopped.
         full: names of the payloads that make the full load.
         products: drive -> what was chosen for it; the scene's own drives have none.
@@ -73,11 +72,10 @@ def stop_settings(scene: Scene, category: int | None) -> Stops:
     """Return how a scene is stopped.
 
     Args:
-        scene: with a `stops` section.
-        category: in place of the section's; None: that one.
+        category: in place of that of the scene's `stops`; None: that one.
 
     Raises:
-        StopError: there is no such section.
+        StopError: the scene has no `stops`.
     """
     stops = scene.stops
     if stops is None:
@@ -139,7 +137,6 @@ def check_brakes(scene: Scene) -> None:
 
 
 def _check(scene: Scene, settings: Stops) -> None:
-    """Refuse decelerations that do not fit the scene's drives."""
     if settings.category == 0 or not settings.deceleration:
         return
     where, names = f"{scene.source}: stops.deceleration", scene.actuator_names
@@ -179,7 +176,7 @@ def _machine(machines: Machines, kind: MachineKind) -> BrakedMachine:
 
 
 def _limits(scene: Scene) -> Iterator[tuple[str, float]]:
-    """The torque at the shaft with which each drive brakes: the URDF's effort limit / |ratio|."""
+    """Drive -> torque at the shaft with which it brakes: the URDF's effort limit / |ratio|."""
     for drive in scene.drives:
         i = drive.velocity_index
         limit = float(scene.model.effortLimit[i]) if i >= 0 else 0.0
@@ -192,7 +189,7 @@ def _limits(scene: Scene) -> Iterator[tuple[str, float]]:
 
 
 def _with(scene: Scene, factor: float, load: float) -> Scene:
-    """The scene with all friction and losses times a factor, and payloads of a share of theirs."""
+    """The scene with scaled friction and losses, and a share of its payloads."""
     change: dict[str, object] = {}
     if factor != 1.0:
         change["friction"] = {name: f.scaled(factor) for name, f in scene.friction.items()}

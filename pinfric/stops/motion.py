@@ -4,10 +4,10 @@
     category 1    every axis is braked under power; at rest power goes off, brakes close as before,
                   or, if the drives hold until then, brakes close and power goes off
 
-A closed brake is dry friction T_b at the motor's shaft, so it passes through the gear and its
+A closed brake is dry friction T_b at the motor's shaft, which passes through the gear and its
 losses; so is a drive that brakes with all its effort and then holds. Each phase is one simulation
-with friction, stick and slip: there is no integrator here. With a stated deceleration the drives
-impose the motion, v_j - sign(v_j) d_j t, and inverse dynamics gives their efforts.
+with friction, stick and slip. With a stated deceleration the drives impose the motion,
+v_j - sign(v_j) d_j t, and inverse dynamics gives their efforts.
 """
 
 from __future__ import annotations
@@ -53,8 +53,7 @@ class BrakedMachine:
     """A robot ready to be stopped: its scene with one friction, one load and one set of brakes.
 
     Attributes:
-        scene: brakes open.
-        carried: names of the payloads carried.
+        scene: brakes open. carried: names of the payloads carried.
         torque: drive -> torque of its brake (N m).
         delay: drive -> time from power-off until its brake holds (s).
         drive_torque: drive -> torque (N m) with which it brakes under power until rest; empty: it
@@ -91,14 +90,13 @@ class StopMotion:
     """A stop (see the module).
 
     Attributes:
-        scene: what stopped.
-        t: (T,) s, from that moment; a sample before and one after each change of a brake.
+        t: (T,) s, from the drives' reaction; a sample before and one after each change of a brake.
         q, v: (T, nq), (T, nv).
         rate: (T, na) of the drives' joints, rad/s or m/s.
         effort: (T, na) that the gears deliver at the joints (N m or N), the worst end at rest.
         power_off: time at which power goes off (s).
         energy: (na,) that the closed brakes took (J).
-        parts: the simulations; a motion that the drives impose is none.
+        parts: the simulations; an imposed motion is none.
     """
 
     scene: Scene
@@ -129,22 +127,21 @@ class StopMotion:
 
     @property
     def braking(self) -> np.ndarray:
-        """(na,) largest effort of the gears under power, N m or N; of category 0 at the start."""
+        """(na,) largest effort of the gears under power, N m or N; in category 0 at the start."""
         return np.abs(self.effort[: self._off + 1]).max(axis=0)
 
     @property
     def _off(self) -> int:
-        """The last sample under power: at power-off; after it the same instant follows without."""
+        """The last sample under power."""
         return int(self.t.searchsorted(self.power_off))
 
 
 def stop_motion(
     machine: BrakedMachine, q: np.ndarray, v: np.ndarray, slowed: Slowed | None = None
 ) -> StopMotion:
-    """Return the stop from a state.
+    """Return the stop from a state (nq,), (nv,) at which the drives react.
 
     Args:
-        q, v: (nq,), (nv,) at which the drives react.
         slowed: the motion that the drives impose until rest; None: of the machine's deceleration.
 
     Raises:
@@ -200,7 +197,6 @@ def _in_a_row(parts: Sequence[Motion], begin: float) -> list[_Rows]:
 
 
 def _ramps(machine: BrakedMachine, q: np.ndarray, v: np.ndarray) -> Slowed:
-    """Every joint with its own constant deceleration until it is at rest."""
     model, d = machine.scene.loaded_model(machine.carried), machine.deceleration
     assert d is not None
     ends = np.abs(v) / d
@@ -227,7 +223,6 @@ def _imposed(machine: BrakedMachine, given: Slowed) -> _Rows:
 
 
 def _without_power(machine: BrakedMachine, q: np.ndarray, v: np.ndarray) -> list[Motion]:
-    """The phases after power-off: one brake after the other closes, then until rest."""
     parts: list[Motion] = []
     t, closed = 0.0, dict(machine.torque) if machine.holds else dict[str, float]()
     for delay in [] if machine.holds else sorted(set(machine.delay.values())):
@@ -240,7 +235,6 @@ def _without_power(machine: BrakedMachine, q: np.ndarray, v: np.ndarray) -> list
 def _until_rest(
     machine: BrakedMachine, torques: Mapping[str, float], q: np.ndarray, v: np.ndarray, how: str
 ) -> Iterator[Motion]:
-    """Simulate in pieces, each twice as long as the one before, until all is at rest."""
     gone, piece = 0.0, _PIECE
     while gone < LONGEST:
         motion = _simulate(machine, torques, q, v, piece)
@@ -287,7 +281,7 @@ def _simulate(
 
 
 def no_brake(products: Mapping[str, str], name: str, place: str) -> str:
-    """Return that a drive has no brake, in words.
+    """Say that a drive has no brake.
 
     Args:
         products: of `Machines`. name: the drive's. place: what lacks it where none was chosen.
@@ -300,7 +294,6 @@ def no_brake(products: Mapping[str, str], name: str, place: str) -> str:
 def _does_not_stop(
     machine: BrakedMachine, torques: Mapping[str, float], v: np.ndarray, gone: float, how: str
 ) -> str:
-    """Say which joint still moves, and what to give."""
     scene = machine.scene
     i = int(np.argmax(np.abs(v)))
     joint = velocity_names(scene.model)[i]
@@ -331,7 +324,7 @@ def _brake_energy(part: Motion) -> np.ndarray:
 
 
 def _ways(scene: Scene, t: np.ndarray, q: np.ndarray, rate: np.ndarray) -> np.ndarray:
-    """(T, na) ways of the drives: by the joint's place where it is one number, else by its rate."""
+    """(T, na) ways of the drives: of places in q, or integrated rates where there is none."""
     way = running_integral(t, rate)
     for d in range(len(scene.drives)):
         if (joint := driven_joint(scene, d)) is not None and scene.model.joints[joint].nq == 1:

@@ -2,12 +2,12 @@
 
     q(t) = p(tau),    tau' = sigma,    v_j = p_j' sigma,    a_j = p_j'' sigma^2 + p_j' sigma'
 
-p the cycle, sigma its speed (1 as given). The whole deceleration of each axis, -sign(v_j) a_j, is
-bounded by d_j, so with x = sigma^2
+p the cycle, sigma its speed (1 as given). The deceleration of each axis, -sign(v_j) a_j, is bounded
+by d_j, so with x = sigma^2
 
     -dx/dtau = max(0, min_j 2 (d_j + sign(p_j') p_j'' x)/|p_j'|)
 
-is the most by which the cycle can be slowed: less at any place leaves more speed at all places that
+is the most by which the cycle can be slowed: less at any place leaves more speed at all that
 follow. Where the cycle by itself slows an axis by more than d_j it goes on as it is. All axes stop
 together. Integrated by Heun's method, exact for an axis that moves with constant speed.
 """
@@ -47,11 +47,7 @@ class Slowed(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class CyclePath:
-    """A cycle between its samples, and straight on after its last.
-
-    Attributes:
-        model: of the robot. trajectory: the cycle.
-    """
+    """A cycle between its samples, and straight on after its last."""
 
     model: pin.Model
     trajectory: Trajectory
@@ -73,8 +69,7 @@ class CyclePath:
         """Return the stop from a sample.
 
         Args:
-            sample: at which it begins. speed: sigma there.
-            deceleration: (nv,) d_j > 0, rad/s^2 or m/s^2.
+            speed: sigma there. deceleration: (nv,) d_j > 0, rad/s^2 or m/s^2.
         """
         cycle = self.trajectory
         if not cycle.v[sample].any():  # it rests
@@ -98,7 +93,6 @@ class CyclePath:
 
         Args:
             begin: first place, s. step: between places, s. square: x there.
-            deceleration: (nv,) d_j.
         """
         taus, squares, slowings = [begin], [square], []
         while True:

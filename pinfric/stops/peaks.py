@@ -1,9 +1,9 @@
-"""What gears bear in stops, by algebra instead of simulation: for a choice of drives, in 0.1 s.
+"""What gears bear in stops, by algebra: for a choice of drives, in 0.1 s.
 
-A stop is worst for a gear where a brake closes or another joint comes to rest, and between these
-instants little changes. So of each sample of the cycle every order in which that may happen is
-taken at once: each set of brakes that have closed, and each set S of joints that still move.
-`pinfric.stop` simulates what the algebra leaves out: friction, and how far the arm moves meanwhile.
+A stop is worst for a gear where a brake closes or another joint comes to rest. So of each sample of
+the cycle every order of these events is taken at once: each set of brakes that have closed, and
+each set S of joints that still move. `pinfric.stop` simulates what the algebra leaves out:
+friction, and how far the arm moves meanwhile.
 """
 
 from __future__ import annotations
@@ -48,12 +48,11 @@ def gear_peaks(
 
         (M_SS + diag(r^2 J/eta_b)) a_S = -(r T_b/eta_b) sign v - h_S,      t = M_{.S} a_S + h,
 
-    T_b = 0 of brakes that are still open. h is gravity and springs, and what the velocities of S
-    add; eta_b the efficiency of the gear that the load drives (`shock_efficiency`). Friction of the
-    joints is left out. The gear of a joint at rest passes at most r T_b/eta_b: beyond, its brake
-    slips. A self-locking gear, eta_b <= 0, stands as soon as power is off, and passes what comes.
-    Of coupled drives M and h are those along their own rates; a joint without a drive moves in
-    every set.
+    T_b = 0 of open brakes. h is gravity and springs, and what the velocities of S add; eta_b the
+    efficiency of the gear that the load drives (`shock_efficiency`). Friction of the joints is left
+    out. The gear of a joint at rest passes at most r T_b/eta_b: beyond, its brake slips. A
+    self-locking gear, eta_b <= 0, stands as soon as power is off, and passes what comes. Of coupled
+    drives M and h are those along their own rates; a joint without a drive moves in every set.
 
     Args:
         machine: an open chain, no joint with several drives.
@@ -114,12 +113,12 @@ def cycle_peaks(
     """Return (na,) the largest efforts of the gears in all stops of a cycle, N m or N.
 
     Of `gear_peaks`, with greatest friction and brakes, without payload and with the full load, at
-    80 samples and those of each axis's largest speed. Category 0: what moves is stopped by the
-    brakes. Category 1: by the drives' efforts, or see `braking`; then what friction does not hold
-    falls from rest until its brake closes. What moves no mass is left at rest.
+    80 samples and those of each axis's largest speed. Category 0: brakes stop what moves. Category
+    1: the drives' efforts do, or see `braking`; then what friction does not hold falls from rest
+    until its brake closes. What moves no mass is left at rest.
 
     Args:
-        machines: of an open chain, no joint with several drives. trajectory: the cycle.
+        machines: of an open chain, no joint with several drives.
     """
     rate = working_rates(machines.scene, trajectory.q, trajectory.v)[0]
     fastest = np.argmax(np.abs(rate), axis=0)
@@ -148,7 +147,7 @@ def cycle_peaks(
 
 
 def _falls(machine: BrakedMachine, machines: Machines, q: np.ndarray, load: float) -> np.ndarray:
-    """(T, na) in which direction joints at rest begin to move when power goes off; 0: none."""
+    """(T, na) direction in which joints at rest begin to move when power goes off; 0: none."""
     zero, carried = np.zeros((len(q), machine.scene.model.nv)), carried_by(machines, load, len(q))
     still = inverse_dynamics(machine.scene, q, zero, zero, attached=carried)
     down, least = -np.sign(still.effort_frictionless), _ROUNDING * np.abs(still.effort_frictionless)

@@ -1,17 +1,16 @@
 """The worst stops of a cycle: candidates by an estimate, then a search around the worst of them.
 
-Every sample of the cycle may be the moment at which the drives react. A stop takes tens of
-milliseconds to simulate, a cycle has thousands of samples, so not every one is simulated. For each
-axis an estimate orders the samples, as if the axis moved alone and without friction:
+The drives may react at any sample of a cycle, too many to simulate each. For each axis an estimate
+orders the samples, as if the axis moved alone and without friction:
 
     |v| (t_react + t_engage) + I w^2/(2 (|r| T_b - F)),     w = |v| + F t_engage/I,
 
 F what gravity pushes along v, I the inertia at the joint with the rotor; of a stated deceleration d
 |v| (t_react + |v|/(2 d)), along the path with the longest |v|/d of all axes. Simulated are the
 samples with the largest estimate, speed and load at rest of each axis, where the estimate comes
-nearest to a limit of its joint, with the largest kinetic energy, and 40 spread evenly. What a stop
-comes to has many hills over the cycle: of each measure the three highest among the samples
-simulated are refined, half-way to the neighbours on both sides, until these are next to it.
+nearest to a limit of its joint, with the largest kinetic energy, and 40 spread evenly. Then, of
+each measure, the three highest local maxima are refined, half-way to the neighbours on both sides,
+until these are next to it.
 """
 
 from __future__ import annotations
@@ -55,9 +54,7 @@ class StopCase(NamedTuple):
     """One stop of a study.
 
     Attributes:
-        kind: the machine.
-        sample: of the cycle, at which the drives react.
-        speed: factor on the cycle's speed.
+        sample: of the cycle, at which the drives react. speed: factor on the cycle's speed.
     """
 
     kind: MachineKind
@@ -67,10 +64,9 @@ class StopCase(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Stopped:
-    """What one stop comes to, from its command.
+    """Figures of one stop, from its command.
 
     Attributes:
-        case: which stop.
         command: time of the cycle at which it was commanded (s).
         time: until everything is at rest (s). rest: (na,) until each drive's joint is.
         travel: (na,) largest distance of each drive's joint from where the command met it, rad, m.
@@ -103,7 +99,7 @@ class StopCycle:
     """A cycle as stops need it.
 
     Attributes:
-        trajectory: of it. reaction: until the drives react, s.
+        reaction: until the drives react, s.
         rate: (T, na) of the drives' joints. way: (T, na) their way since the start, rad or m.
         path: (T,) the tool's way since the start; None without a tool.
         hold: (T, na) effort that holds each joint at rest, by full load or not.
@@ -196,7 +192,6 @@ class StopSearch:
     """Stops of a cycle, each simulated once.
 
     Attributes:
-        machines, cycle: what is stopped, and where.
         found: those simulated.
         progress: called after each with its number and an estimate of all.
     """
@@ -238,7 +233,7 @@ class StopSearch:
         return tuple(MachineKind(greatest, load) for greatest in (False, True) for load in loads)
 
     def run(self) -> None:
-        """Simulate the candidates, then refine the highest hills of each measure."""
+        """Simulate the candidates, then refine the highest local maxima of each measure."""
         cases = {StopCase(kind, sample) for kind in self.kinds for sample in self.candidates(kind)}
         while cases:
             for case in sorted(cases):
@@ -260,7 +255,7 @@ class StopSearch:
         return sorted(chosen)
 
     def measures(self) -> Iterator[Callable[[Stopped], float]]:
-        """Yield what is to be largest: of each axis, its time and place, too; time and path."""
+        """Yield what is to be largest: time and path, of each axis time, way and place."""
         powered = self.machines.settings.category == 1
         for d in range(len(self.machines.scene.drives)):
             for name in ("rest", "travel", "peak", *["braking"] * powered, "energy"):
@@ -295,7 +290,7 @@ class StopSearch:
         return np.isfinite(self.cycle.limits).any(axis=1)
 
     def _nearer(self, measure: Callable[[Stopped], float]) -> Iterator[StopCase]:
-        """Yield what lies half-way between the highest hills of a measure and their neighbours."""
+        """Yield stops half-way between a measure's highest local maxima and their neighbours."""
         finest = max(len(self.cycle.trajectory.t) // _FINEST, 1)
         hills: list[tuple[float, StopCase, list[int]]] = []
         for kind in self.kinds:
@@ -329,11 +324,7 @@ def beyond_of(drive: int) -> Callable[[Stopped], float]:
 
 
 def stopped(cycle: StopCycle, case: StopCase, motion: StopMotion) -> Stopped:
-    """Return what a stop comes to.
-
-    Args:
-        cycle, case: where it began. motion: from there on.
-    """
+    """Return the figures of a stop, of its motion from the drives' reaction on."""
     command, reaction, path = cycle.before(case.sample, case.speed)
     delay = cycle.reaction
     first = int(motion.t.searchsorted(motion.power_off))
@@ -366,7 +357,7 @@ def estimates(
     """Return inertias (T, na) at the joints with rotors, and the estimated travels (T, na).
 
     Args:
-        machines, cycle: what is stopped. kind: with which load, and whether brakes are greatest.
+        kind: with which load, and whether brakes are greatest.
     """
     machine, trajectory, d = machines.of(kind), cycle.trajectory, machines.deceleration
     states = States(
@@ -395,5 +386,4 @@ def estimates(
 
 
 def _per_drive(machine: BrakedMachine, figures: Mapping[str, float]) -> np.ndarray:
-    """(na,) figures of drives by name, 0 where there is none."""
     return np.array([figures.get(drive.name, 0.0) for drive in machine.scene.drives])

@@ -2,7 +2,7 @@
 
 Category 0 and 1 of IEC 60204-1, commanded anywhere along the cycle, at 33, 66 and 100 % of its
 speed and of its payload (ISO 10218-1, annex B). Friction and brakes at their least give the longest
-stops, the farthest sag and the most energy for the brakes; at their greatest the gears' peaks.
+stops, the farthest sag and the most energy of brakes; at their greatest the gears' peaks.
 """
 
 from __future__ import annotations
@@ -35,9 +35,7 @@ class StopResult(Shown):
     """The stops of a cycle.
 
     Attributes:
-        scene, trajectory: what was stopped.
-        settings: how.
-        search: all stops that were simulated.
+        settings: how it was stopped. search: all stops that were simulated.
         grid: time and travel of each drive's joint by payload and speed, the worse of two samples.
     """
 
@@ -186,14 +184,7 @@ def stops_of(
     trajectory: Trajectory,
     progress: Callable[[int, int], None] | None = None,
 ) -> StopResult:
-    """Return the worst stops of a cycle, as `stop` does.
-
-    Args:
-        machines: what is stopped. trajectory, progress: of `stop`.
-
-    Raises:
-        StopError, TrajectoryError: as `stop`.
-    """
+    """Return the worst stops of a cycle as `stop` does, and raise what it raises."""
     scene, settings = machines.scene, machines.settings
     check_brakes(scene)
     if trajectory.duration < settings.reaction_time:
