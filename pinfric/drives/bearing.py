@@ -1,10 +1,10 @@
 """Loads on the bearing that carries a joint, or on a screw's nut: mean, equivalent load, life.
 
-The bearing takes the whole wrench that the joint transmits but its part along the joint's freedom:
-radial force F_r, axial force F_a and tilting moment M about the joint's origin, which is taken to
-lie on the output flange, `offset` R before the rolling elements: M_b = M + R F_r, the worst way
-round. Friction about the axis changes none of them in an open chain. A screw's nut takes the
-joint's effort as its axial force, worst case over the effort's interval.
+The bearing takes the joint's wrench but its part along the joint's freedom: radial force F_r, axial
+force F_a and tilting moment M about the joint's origin, which is taken to lie on the output flange,
+`offset` R before the rolling elements: M_b = M + R F_r, the worst way round. In an open chain
+friction about the axis changes none of them. A screw's nut takes the joint's effort as its axial
+force, the worst of its interval.
 """
 
 from __future__ import annotations
@@ -34,10 +34,7 @@ class Factors(Entry):
 
 
 class BearingKind(NamedTuple):
-    """Formulas for a kind of bearing: exponent of mean load and life, factors, source.
-
-    `factors` None: the maker's, in the entry.
-    """
+    """Formulas for a kind of bearing; `factors` None: the maker's, in the entry."""
 
     exponent: float
     factors: Factors | None
@@ -178,10 +175,9 @@ class GuideLoad:
 def guide_safety(ratings: BearingRatings, load: GuideLoad) -> float | None:
     """Return the static safety of a guide, f_s; None where a rating of a load is missing.
 
-    1/f_s = sqrt(2) F/C_0 + M/M_0 + M_a/M_a0: loads of a guide that bears alike upwards, downwards
-    and sideways add up; sqrt(2): across the travel it may lie any way round.
-
-    Four carriages of C_0 each, l apart on rails w apart: 4 C_0, M_0 = 2 C_0 l, M_a0 = 2 C_0 w.
+    1/f_s = sqrt(2) F/C_0 + M/M_0 + M_a/M_a0 of a guide that bears alike upwards, downwards and
+    sideways; sqrt(2): across the travel it may lie any way round. Four carriages of C_0 each, l
+    apart on rails w apart: 4 C_0, M_0 = 2 C_0 l, M_a0 = 2 C_0 w.
 
     Source: THK LM Guide, static safety factor; PBC Linear, load calculation factors, p. 52.
     """
@@ -233,7 +229,7 @@ def joint_loads(
     None in a robot with loops where the joint's wrench was not computed.
 
     Args:
-        result: of inverse dynamics. row: of a turning joint, in `joint_names`.
+        row: of a turning joint, in `joint_names`.
         wrench: (T, 6) that it transmits; None: as in the result.
     """
     along = _along(result, row, wrench)
@@ -277,7 +273,7 @@ def _along(
 def equivalent_load(ratings: BearingRatings, load: BearingLoad) -> float | None:
     """Return the dynamic equivalent load P of the mean loads, N; None where a figure is missing.
 
-    P = X P_r + Y F_a with P_r = F_r + 2 M_b/d_p, (X, Y) by F_a/P_r (`Factors`).
+    P = X P_r + Y F_a with (X, Y) by F_a/P_r (`Factors`).
 
     Source: Harmonic Drive, output bearing; IKO; ISO 281.
     """
@@ -307,9 +303,8 @@ def bearing_life(dynamic_rating: float, load: float, speed: float, exponent: flo
     Swaying counts by its way: (90/phi) of a round trip of half angle phi is the same.
 
     Args:
-        dynamic_rating: C, N. load: P, its factor for shocks included, N.
-        speed: mean |omega|, rad/s; pauses count in it.
-        exponent: 3 for balls, 10/3 for rollers.
+        dynamic_rating: C, N. load: P, with its factor for shocks, N.
+        speed: mean |omega|, rad/s; pauses count in it. exponent: 3 for balls, 10/3 for rollers.
 
     Source: ISO 281.
     """

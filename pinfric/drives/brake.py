@@ -1,10 +1,9 @@
 """Joints that hold without power, and the brakes that hold and stop the others.
 
-Power may fail anywhere along a cycle. At every pose of it, at rest and with the payloads carried
-there, statics leaves the effort that holds a joint an interval: friction in joints and gears may
-help or oppose, as its history left it. Friction does not push: without its help a brake at the
-motor's shaft bears the load alone, |load|/ratio. Without a brake a joint stays where friction alone
-bears the load.
+Power may fail anywhere along a cycle. At every pose, at rest and with the payloads carried there,
+friction in joints and gears may help or oppose, as its history left it, so the effort that holds a
+joint has an interval. A joint without a brake stays where friction alone bears the load. A brake at
+the motor's shaft must bear the load without that help, |load|/ratio.
 
 A brake that closes at speed takes the energy of a stop, friction left out and the load driving,
 
@@ -113,8 +112,7 @@ def standstills(
     Args:
         result: of the cycle; its scene has the gears.
         brakes: of the catalogue. conditions: whether a brake is required, and its reserve.
-        drives: (na,) that were chosen: a brake that is built into other motors does not count.
-            Where they are left out, what each joint would need is said, of brakes sold alone.
+        drives: (na,) that were chosen; left out: what each joint would need, of brakes sold alone.
     """
     zero, states = np.zeros_like(result.states.v), result.states
     still = inverse_dynamics(result.scene, states.q, zero, zero, attached=states.attached)
@@ -189,7 +187,7 @@ def _standstill(
 
 
 def _rounded(result: InverseResult, effort: np.ndarray) -> np.ndarray:
-    """Efforts with 0 in place of what is below the rounding of the cycle's own."""
+    """Efforts with 0 in place of rounding errors."""
     most = max(largest(result.effort_lower), largest(result.effort_upper))
     return np.where(np.abs(effort) <= _NOTHING * most, 0.0, effort)
 
@@ -216,7 +214,7 @@ class RestDemand(NamedTuple):
 
         It does where its load exceeds half of its own dry friction, and 2 % of its largest effort;
         where it moves and the robot is stopped; or where the conditions want one. "Do not rely on
-        the back-driving torque to hold a load" (Harmonic Drive): a gear holds only if it locks.
+        the back-driving torque to hold a load" (Harmonic Drive): only a self-locking gear holds.
 
         Args:
             conditions: `holding_brake`. locks: its gear is self-locking.
@@ -230,7 +228,7 @@ class RestDemand(NamedTuple):
         return "it moves when power goes off" if self.moves and self.stops else ""
 
     def without_brake(self, back: float) -> str:
-        """Return what a joint does without a brake, in words, by eta_b of its driven gear."""
+        """Say what a joint does without a brake, by eta_b of its driven gear."""
         if back <= 0:
             return (
                 f"no brake: the gear locks by eta_b = {back:.2g}, a model where it is not printed"
@@ -253,8 +251,8 @@ def rest_of(scene: Scene, i: int, load: np.ndarray, peak: float, speed: float) -
     """Return what a joint that stands still asks of a brake.
 
     Args:
-        i: the drive's column. load: (T,) as of `RestDemand`. peak: its largest effort.
-        speed: its largest, rad/s (m/s).
+        i: the drive's column. load: (T,) as of `RestDemand`.
+        peak: its largest effort. speed: its largest, rad/s (m/s).
     """
     drive, guesses = scene.drives[i], () if scene.assumed is None else scene.assumed.values
     unsure = any(place.startswith(("robot.masses", "robot.payloads")) for place in guesses)
@@ -293,9 +291,9 @@ class Stop(NamedTuple):
 
 
 def braking_torques(brake: Brake, torque: float, stop: Stop | None) -> tuple[float, float]:
-    """Return what a brake must have at the shaft, and has, N m, by which least is left.
+    """Return what a brake must have at the shaft, and has, N m, where least is left.
 
-    At rest a torque, which its static one holds; of a stop in time its dynamic one.
+    At rest its static torque holds the load; in a stop its dynamic one counts.
     """
     pairs = [(torque, brake.holds), *([] if stop is None else [(stop.torque(brake), brake.torque)])]
     return max(pairs, key=lambda pair: pair[0] / pair[1])
@@ -312,7 +310,7 @@ def closing_way(
 
     Args:
         inertia: J, kg m^2 (kg). speed: |v| at power-off, rad/s (m/s).
-        push: torque or force along v until then, N m (N); what is against v counts as 0.
+        push: torque or force along v until then, N m (N); against v: 0.
         delay: t until it closes, s. left: what the brake has beyond the load, N m (N).
     """
     closing = speed + np.maximum(push, 0.0) * delay / inertia
@@ -320,7 +318,7 @@ def closing_way(
 
 
 def _hardest(still: InverseResult, i: int) -> int:
-    """The pose at which friction must bear most of what it can: load over limit is greatest."""
+    """The pose at which the ratio of load to friction's limit is greatest."""
     lower, upper = still.motor_torque_lower[:, i], still.motor_torque_upper[:, i]
     gear = still.scene.drives[i].transmission
     load = still.effort_frictionless[:, i] / (1.0 if gear is None else gear.ratio)
@@ -329,7 +327,7 @@ def _hardest(still: InverseResult, i: int) -> int:
 
 
 def _use(still: InverseResult, i: int, pose: int, load: float) -> tuple[float | None, bool | None]:
-    """Return the part of its friction that a joint takes, the others held, and whether it holds."""
+    """Return a joint's friction over its limit, the others held, and whether it holds."""
     ends = still.motor_torque_lower[pose, i], still.motor_torque_upper[pose, i]
     if not still.scene.loops:  # in an open chain each joint's statics is its own
         if load == 0.0:
@@ -356,7 +354,7 @@ def _use(still: InverseResult, i: int, pose: int, load: float) -> tuple[float | 
 
 
 def ranked(brakes: Mapping[str, Brake]) -> dict[str, Brake]:
-    """By torque, of equal ones the lightest first, then that of least power, then by name."""
+    """Return brakes by torque, then mass, power, name."""
 
     def order(one: tuple[str, Brake]) -> tuple[float, float, float, str]:
         name, brake = one
@@ -389,7 +387,7 @@ def _torque(
     needed: bool,
     chosen: bool,
 ) -> Criterion:
-    """`needed`: the conditions ask for a brake. `chosen`: the joint's drive is, with or without."""
+    """`needed`: the conditions ask for a brake. `chosen`: the drive is, with or without one."""
     rest, conditions = given
     said = stated(conditions, "brake_factor", *["holding_brake"] * needed)
     factor = f"{rest.reserve(conditions):g}"

@@ -1,8 +1,7 @@
 """Catalogues of motors, gears, gearmotors, bearings, brakes, amplifiers: makers' figures, sources.
 
-A figure that is missing stays missing: every criterion that needs it says so (`criteria`). SI units
-throughout, temperatures in degrees Celsius; `grade` R is a figure read at the maker's own document,
-T one retyped by a third party.
+A missing figure stays missing: criteria that need it say so. SI units, temperatures in degrees
+Celsius; `grade` R is a figure read at the maker's own document, T one retyped by a third party.
 """
 
 from __future__ import annotations
@@ -105,8 +104,8 @@ class RatedEntry(Sourced):
 class Stepper(Entry):
     """What a stepper motor has in place of continuous, peak torque and speed-torque line.
 
-    It follows its steps up to the pull-out torque of its speed. Where the maker prints no curve of
-    it, that of resistance, inductance and holding torque counts by half (`rules.pull_out_torque`).
+    It follows its steps up to the pull-out torque of its speed. Without the maker's curve half of
+    that of resistance, inductance and holding torque counts (`rules.pull_out_torque`).
     """
 
     holding_torque: Positive = key("at rest, both phases on at the rated current", 0.59, "N m")
@@ -225,7 +224,7 @@ class Motor(RatedEntry):
     def mass_taken(self) -> float | None:
         """Its mass, kg; where it is not printed 1.94 T^0.75 of a motor with a housing: heavy.
 
-        Nine in ten of the 36 of the bundled catalogue whose mass is known are lighter.
+        Of the 36 of the bundled catalogue whose mass is known nine in ten are lighter.
         """
         torque = max(self.continuous_torque or 0.0, self.continuous_stall_torque or 0.0)
         if self.mass is not None or self.frameless or not torque:
@@ -262,8 +261,8 @@ class OutputFriction(Entry):
 class GearMotor(RatedEntry):
     """Motor and gear in one: torques, speeds and friction at the output, rotor at the motor.
 
-    Where `output` is linear these are N, m/s and, of a linear motor (ratio 1), the mass that moves
-    with its force (kg, as `rotor_inertia`).
+    Where `output` is linear: N, m/s and, of a linear motor (ratio 1), the mass that moves (kg, as
+    `rotor_inertia`).
     """
 
     ratio: Positive = key(
@@ -354,8 +353,8 @@ class Nut(Entry):
 class Gear(Sourced):
     """A gear: torques at its output unless named input; speeds and inertia at its input.
 
-    `efficiency` is the maker's, no-load loss included: a number at rated torque, or his curves as a
-    scene's transmission takes them (`transmission.MakersEfficiency`).
+    `efficiency` is the maker's, no-load loss included: a number at rated torque, or his curves as
+    a scene's `transmission` takes them.
     """
 
     ratio: Annotated[float | tuple[float, ...], Forms(Positive, tuple[Positive, ...])] = key(
@@ -500,7 +499,7 @@ class Gear(Sourced):
         return self.ratio if isinstance(self.ratio, tuple) else (self.ratio,)
 
     def takes(self, name: str, motor: Motor) -> bool:
-        """Return whether a motor can be put before it, by what their makers say.
+        """Return whether its maker lets a motor be put before it.
 
         A frameless kit goes into a strain wave gear only, whose wave generator its rotor turns. A
         gear that names its motors takes no other; else a motor with a shaft fits.
@@ -512,8 +511,8 @@ class Gear(Sourced):
     def no_load(self) -> dict[str, Any]:
         """Return `no_load_torque` and `motor_viscous` of a transmission, as far as printed.
 
-        n_run = starting torque + viscous x speed; without a running torque the starting torque is
-        all there is, of which an efficiency that is a number at rated torque knows nothing.
+        n_run = starting torque + viscous x speed. Without n_run the starting torque counts, but not
+        beside an efficiency that is a number at rated torque.
         """
         starting, running = self.starting_torque, self.no_load_running_torque
         viscous = 0.0
@@ -552,8 +551,8 @@ class Gear(Sourced):
 class Belt(Sourced):
     """A closed synchronous belt on two pulleys, which is a gear (`gear`).
 
-    The tangential force F that cords and teeth bear makes its torque F r_2 at the driven pulley,
-    its two strands of length l the stiffness 2 C r_2^2/l, C the specific one (force per strain).
+    The force F that cords and teeth bear makes the torque F r_2 at the driven pulley; two strands
+    of length l have the stiffness 2 C r_2^2/l, C the specific one (force per strain).
     """
 
     pitch: Positive = key("of its teeth", 0.005, "m")
@@ -696,7 +695,7 @@ class Brake(HoldingBrake, Sourced):
     def inertia_ends(self) -> tuple[float, float]:
         """The least and the greatest that its inertia may be, kg m^2; equal where it is printed.
 
-        Else 0 and 2.2e-6 T^1.38. Source of the greatest: as of `mass_taken`, 1.1e-6 to 1.64e-4.
+        Else 0 and 2.2e-6 T^1.38. Source: as of `mass_taken`, 1.1e-6 to 1.64e-4.
         """
         if self.rotor_inertia is not None:
             return self.rotor_inertia, self.rotor_inertia
@@ -717,7 +716,7 @@ class Brake(HoldingBrake, Sourced):
         return tuple(f"{what} taken as {rule}" for what, x, rule in figures if x is None)
 
     def goes_with(self, motor: str, integrated: bool = False) -> bool:
-        """Return whether it is sold alone, or in this motor; where nothing is said it is.
+        """Return whether it is sold alone or in this motor, or nothing is said.
 
         Args:
             motor: its name, or that of a gearmotor (`integrated`), which has no shaft for a brake
@@ -819,7 +818,6 @@ class Catalog:
 
     Attributes:
         source: the file, or "default" for the bundled ones.
-        motors, gears, gearmotors, bearings, brakes, amplifiers: name -> entry.
         conditions: what the file demands of the drives.
         replaced: entries of the file that stand in place of bundled ones, in words.
         files: that it was read from; of the bundled entries their folder.

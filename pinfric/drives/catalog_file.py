@@ -1,8 +1,4 @@
-"""Read catalogues: a YAML file, or a folder of files and tables, as the bundled one is.
-
-A file with `extends: default` adds to the bundled catalogue: its entries go before bundled ones of
-the same name, its conditions apply.
-"""
+"""Read catalogues: a YAML file, or a folder of files and tables, as the bundled one is."""
 
 from __future__ import annotations
 
@@ -30,10 +26,10 @@ _SECTIONS = ("motors", "gears", "belts", "gearmotors", "bearings", "brakes", "am
 
 
 def load_catalog(name: str | Path = DEFAULT) -> Catalog:
-    """Read a catalogue: a YAML file, or "default" for the bundled motors, gears and bearings.
+    """Read a catalogue: a YAML file, a folder, or "default" for the bundled one.
 
-    A file that says `extends: default` has the bundled entries beside its own. Of a folder all its
-    catalogues (YAML) and tables (CSV, each with its mapping beside it) are one.
+    Entries of a file with `extends: default` go before bundled ones of the same name. Of a folder
+    all catalogues (YAML) and tables (CSV, each with its mapping beside it) are one.
 
     Raises:
         CatalogError: it cannot be read, has unknown keys or figures that cannot be.
@@ -103,7 +99,7 @@ def _of_folder(folder: Path) -> tuple[CatalogFile, ...]:
 
 
 def _merged(source: str, files: Sequence[CatalogFile]) -> Catalog:
-    """All entries of the files; of the same name, and of the conditions, the last file's."""
+    """All entries; of one name, and of the conditions, the last file's."""
     given = [file.conditions for file in files if file.conditions is not None]
     entries: dict[str, Any] = {
         section: {name: entry for file in files for name, entry in getattr(file, section).items()}
@@ -115,7 +111,6 @@ def _merged(source: str, files: Sequence[CatalogFile]) -> Catalog:
 
 
 def _replaced(bundled: Sequence[CatalogFile], file: CatalogFile) -> Iterator[str]:
-    """Say which bundled entries a file's own take the place of."""
     for section in _SECTIONS:
         there = {name for other in bundled for name in getattr(other, section)}
         for name in getattr(file, section):

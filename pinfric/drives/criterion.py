@@ -2,8 +2,8 @@
 
     margin = 1 - required/available,
 
-0.25: a quarter of the limit is left; negative: it fails. A criterion whose figure is missing is
-*not checked* and says which figure it lacks.
+0.25: a quarter of the limit is left; negative: it fails. A criterion that lacks a figure is *not
+checked* and names it.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ class Criterion:
 
     @property
     def lacks(self) -> str:
-        """The figure that is missing, of a criterion that was not checked; else its note."""
+        """The missing figure of a criterion that was not checked; else its note."""
         return self.missing or self.note
 
     @property
@@ -77,7 +77,7 @@ class Criterion:
 
     @property
     def _no_finite_margin(self) -> bool:
-        """Whether it fails by more than any number: too much is asked for, or nothing is there."""
+        """Whether too much is asked for, or nothing is there."""
         beyond = self.margin is not None and self.margin <= LEAST_MARGIN
         return beyond and (self.required == np.inf or (self.available or 0.0) <= 0.0)
 

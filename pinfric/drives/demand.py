@@ -64,9 +64,8 @@ class GearDemand:
 class JointDemand(GearDemand):
     """All that one drive must do, at its joint; magnitudes, worst case over the effort interval.
 
-    `least` figures take the number of smallest magnitude in each sample's interval instead: what is
-    needed if friction at rest happens to help as much as it can. `frictionless` ones leave out all
-    friction of the joints.
+    `least` figures take the smallest magnitude in each sample's interval: friction at rest helps as
+    much as it can. `frictionless` ones leave out all friction of the joints.
     """
 
     peak_time: float = quantity("time of the largest effort", "s")
@@ -116,8 +115,9 @@ class DriveCycle:
     """One drive's samples over the cycle, as criteria take them.
 
     Attributes:
-        t: (T,) s, each cycle of a duty once. effort_lower, effort_upper, effort_frictionless: (T,)
-            at the joint, N m or N; 0 while switched off.
+        t: (T,) s, each cycle of a duty once.
+        effort_lower, effort_upper, effort_frictionless: (T,) at the joint, N m or N; 0 while
+            switched off.
         velocity, acceleration: (T,) of the joint.
         at_rest: (T,) it stands still, or reverses beside the sample.
         holding: (T,) all joints stand still.
@@ -148,7 +148,7 @@ class DriveCycle:
 
     @cached_property
     def ends(self) -> tuple[np.ndarray, np.ndarray]:
-        """(T,) of the effort: the end of largest magnitude, and the number of smallest."""
+        """(T,) the effort's end of largest magnitude, and its number of smallest."""
         return ends_by_magnitude(self.effort_lower, self.effort_upper)
 
     @cached_property
@@ -158,7 +158,7 @@ class DriveCycle:
 
     @cached_property
     def standing(self) -> np.ndarray:
-        """(T,) this joint stands still, in two samples or more, whatever the others do."""
+        """(T,) this joint stands still, in two samples or more."""
         return drop_single_samples(np.abs(self.velocity) <= self.stick_velocity)
 
     def longest_above(self, x: np.ndarray, limit: float, still: bool = False) -> float:
@@ -174,12 +174,10 @@ class DriveCycle:
 def drive_cycle(
     result: InverseResult, actuator: int, holding: np.ndarray, duty: Schedule | None = None
 ) -> DriveCycle:
-    """Return one drive's samples of a result.
+    """Return one drive's samples of a result with times.
 
     Args:
-        result: with times, two samples or more.
-        actuator: its column.
-        holding: (T,) of `hold_samples`.
+        actuator: its column. holding: (T,) of `hold_samples`.
         duty: which samples are which cycle; None: they are one.
 
     Raises:
@@ -210,8 +208,7 @@ def hold_samples(scene: Scene, v: np.ndarray) -> np.ndarray:
     """Return (T,) where the robot holds: every joint stands still, in two samples or more.
 
     Args:
-        scene: gives the stick velocities.
-        v: (T, nv) rad/s or m/s.
+        scene: gives the stick velocities. v: (T, nv) rad/s or m/s.
     """
     limits = np.full(v.shape[1], scene.stick_velocity)
     for drive in scene.drives:
@@ -238,7 +235,7 @@ def gear_demand(
     """Return the figures of one drive that criteria ask for (see `GearDemand`).
 
     Args:
-        result: of inverse dynamics. actuator: the drive's column. cycle: its samples.
+        actuator: the drive's column. cycle: its samples.
         carried: whether to say what its bearing carries.
         wrench: (T, 6) that the joint transmits; None: as in the result.
     """
@@ -305,11 +302,10 @@ def average_output_effort(
 ) -> float:
     """Return T_av = (int |v T^p| dt / int |v| dt)^(1/p), which wears a gear: p = 3, strain wave.
 
-    A hold weighs nothing: nothing turns. 0 where the joint never moves.
+    0 where the joint never moves.
 
     Args:
-        t: (T,) s. effort: (T,) N m or N at the output. velocity: (T,) at the output.
-        exponent: p.
+        t: (T,) s. effort: (T,) N m or N at the output. velocity: (T,) at the output. exponent: p.
 
     Source: Harmonic Drive engineering data 1021387 12/2018, p. 30.
     """
@@ -334,10 +330,7 @@ def largest(x: np.ndarray) -> float:
 
 
 def share(t: np.ndarray, mask: np.ndarray) -> float:
-    """Return the part of the time between samples that are both in the mask, plus half of the rest.
-
-    An interval with one end in the mask counts half (the trapezoidal rule of the mask).
-    """
+    """Return the part of the time in which a mask holds, by the trapezoidal rule."""
     return mean(t, mask.astype(float))
 
 

@@ -111,7 +111,6 @@ def _beyond_proportion(section: str, entry: Any) -> Iterator[str]:
 
 
 def _speeds_beyond_proportion(section: str, entry: Motor | GearMotor) -> Iterator[str]:
-    """Question speeds that do not go with each other, or with torque and mass."""
     nominal = entry.no_load_speed or entry.rated_speed
     if entry.max_speed and nominal and entry.max_speed > _SPEED_OVER_NOMINAL * nominal:
         yield (
@@ -134,7 +133,6 @@ def _speeds_beyond_proportion(section: str, entry: Motor | GearMotor) -> Iterato
 
 
 def _line_beyond_proportion(motor: Motor) -> Iterator[str]:
-    """Question a torque constant beside k omega_0 = U, and a stall torque beside k U/R."""
     k, voltage = motor.torque_constant, motor.nominal_voltage
     if k is None or voltage is None:
         return

@@ -1,16 +1,16 @@
 """Candidates for a joint (motor and gear, or gearmotor), and the demand on their motors.
 
-The motor of a joint is held by the joint's parent link. The gear stands between it and the joint
-and replaces the scene's transmission there; `drives.motor_torque_bounds` has the equations.
+The gear stands between motor and joint and replaces the scene's transmission there;
+`drives.motor_torque_bounds` has the equations.
 
 A maker's efficiency eta at rated torque contains the no-load loss n_run. With t = T_rated/ratio at
 the input, what is lost in proportion to the load alone is
 
     eta_load = t/(t/eta - n_run),      n_run = starting torque + viscous x speed
 
-so that at rated torque and speed the whole loss is the maker's, and nothing counts twice. Without
-`back_efficiency` eta_b = ratio n_s/F_b, of the torques that start it without load, n_s at the input
-and F_b at the output; without these the same loss is taken both ways: eta_b = 2 - 1/eta_load.
+so that at rated torque and speed the whole loss is the maker's. Without `back_efficiency`
+eta_b = ratio n_s/F_b, of the torques that start it without load, n_s at the input and F_b at the
+output; without these the same loss is taken both ways: eta_b = 2 - 1/eta_load.
 """
 
 from __future__ import annotations
@@ -128,12 +128,11 @@ class Ratings:
         return np.interp(np.abs(speed), at, torque)
 
     def derating(self, conditions: Conditions) -> tuple[float | None, str]:
-        """Return the part of the continuous ratings left in a joint, and a remark.
+        """Return the part of the continuous ratings left in a joint, or None, and a remark.
 
         Of a motor that needs air `policy.COOLING`; of that at the ambient temperature by the
-        maker's curve, else sqrt((T_max - T_a)/(T_max - T_rated)): copper loss, in proportion
-        to the torque's square, is led off in proportion to T_max - T_a. None beyond the end of the
-        maker's curve. No rating grows in the cold.
+        maker's curve (None beyond its end), else sqrt((T_max - T_a)/(T_max - T_rated)), at most 1:
+        copper loss, in proportion to the torque's square, is led off in proportion to T_max - T_a.
 
         Args:
             conditions: ambient temperature, cooling, and T_max of motors whose maker prints none.
@@ -151,8 +150,8 @@ class Ratings:
     def thermal_at(self, conditions: Conditions) -> Thermal | None:
         """Return the two nodes in a joint: with less air the housing leads off less.
 
-        So that the derated torque heats the winding as the rated one does, the sum of both
-        resistances grows by 1/share^2; the housing's time constant with its resistance.
+        The sum of both resistances grows by 1/share^2, so that the derated torque heats the winding
+        as the rated one does; the housing's time constant grows with its resistance.
         """
         thermal, share = self.thermal, self.aired(conditions)
         if thermal is None or share == 1.0:
@@ -186,7 +185,7 @@ class Ratings:
         """Return the continuous torque (N m, or None) at the ambient temperature, and a remark.
 
         Args:
-            speed: the mean one, rad/s: where the maker's curve over speed counts.
+            speed: the mean one, rad/s, for the maker's curve over speed.
         """
         torque = self.continuous_torque
         if self.continuous_curve is not None:
@@ -197,7 +196,7 @@ class Ratings:
     def stall_at(self, conditions: Conditions) -> float | None:
         """Return the torque for ever at a standstill (N m, or None) at the ambient temperature.
 
-        As printed, else 0.71 of the continuous torque, or a curve's at the speed 0.
+        As printed, else a curve's at the speed 0, or 0.71 of the continuous torque.
         """
         share, torque, rated = self.derating(conditions)[0], self.continuous_stall_torque, None
         if self.continuous_curve is not None and self.continuous_curve[0][0] == 0.0:
@@ -214,7 +213,7 @@ class Ratings:
 
     @property
     def rated_up_to(self) -> float:
-        """The highest ambient temperature for which its own maker rates it, deg C."""
+        """The highest ambient temperature for which its maker rates it, deg C."""
         curve = self.ambient_curve
         return max(self.rated_ambient, curve[-1][0] if curve else self.rated_ambient)
 
@@ -263,11 +262,7 @@ class Ratings:
 
 
 def line_voltage(ratings: Ratings, motor: MotorCycle) -> np.ndarray | None:
-    """Return the voltage (T,) that a cycle takes, worst of its torques; None without a line.
-
-    Args:
-        ratings: of the rated shaft. motor: the cycle there.
-    """
+    """Return the voltage (T,) that a cycle takes, worst of its torques; None without a line."""
     if not ratings.has_line:
         return None
     hot, speed = motor.figures.hot, motor.speed
@@ -283,8 +278,7 @@ def pull_out_share(
     At rest of its holding torque with the current that its driver leaves it.
 
     Args:
-        ratings: of the rated shaft. motor: the cycle there. standing: (T,) it stands still.
-        conditions: the bus voltage.
+        standing: (T,) it stands still. conditions: the bus voltage.
     """
     if (stepper := ratings.stepper) is None:
         return None
@@ -305,8 +299,7 @@ class Candidate:
     """A motor with a gear, or a gearmotor: entries of the catalogue, and what its joint has.
 
     Attributes:
-        motor, entry: of the motor or gearmotor.
-        gear_name, gear: None of a gearmotor.
+        motor, entry: of the motor or gearmotor. gear_name, gear: None of a gearmotor.
         ratio: motor turns per joint turn (rad/m at a sliding joint).
         transmission: ratio and losses for the dynamics, rotor and brake; None where figures are
             missing. losses: how they follow from the entries, in words.
@@ -402,7 +395,6 @@ class Candidate:
 
     @property
     def _parts(self) -> list[tuple[str, Sourced]]:
-        """Name and entry of motor, gear and brake."""
         names = self.motor, self.gear_name or "", self.brake
         entries = self.entry, self.gear, self.brake_entry
         return [(name, x) for name, x in zip(names, entries, strict=True) if x is not None]
@@ -514,7 +506,7 @@ class MotorCycle:
         current: (T,) A of the torque of larger magnitude, or None.
         winding: temperatures of the settled cycle, or None.
         power: (T,) T_m omega + R(T_w) i^2 of the torque of larger magnitude, W.
-        copper: whether the second part is in it; else torque constant or resistance is not known.
+        copper: whether the second part is known and in it.
         figures: its peaks and means.
     """
 
@@ -529,12 +521,10 @@ class MotorCycle:
 
 
 def drives_of(catalog: Catalog, linear: bool) -> Iterator[tuple[str, Callable[[], Candidate]]]:
-    """Yield the name of every motor with every gear and ratio that fit, and of gearmotors.
-
-    With each goes a function that makes the drive.
+    """Yield the name of every motor with every gear and ratio, and of gearmotors, and their maker.
 
     Args:
-        catalog: what there is. linear: for a sliding joint: only what has a linear output.
+        linear: for a sliding joint: only what has a linear output.
     """
     for gear_name, gear in catalog.gears.items():
         if (gear.output == "linear") != linear:
@@ -554,9 +544,9 @@ def drive_name(motor: str, gear: str, entry: Gear, ratio: float) -> str:
 
 
 def with_brake(candidate: Candidate, name: str, brake: Brake) -> Candidate:
-    """Return a drive with a brake at its motor's shaft: masses and inertias add up.
+    """Return a drive with a brake at its motor's shaft.
 
-    Where they are not printed, the brake's mass and greatest inertia are those of a rule.
+    Where they are not printed, its mass and greatest inertia are those of a rule.
     """
     transmission = candidate.transmission
     if transmission is not None:
@@ -570,7 +560,7 @@ def amplifier_torque(candidate: Candidate, current: str) -> tuple[float | None, 
     """Return the torque (N m) of one of the amplifier's currents, and the current in words.
 
     Args:
-        candidate: with an amplifier or without. current: "peak_current" or "continuous_current".
+        current: "peak_current" or "continuous_current".
     """
     amplifier, k = candidate.amplifier, candidate.ratings.torque_constant
     most = None if amplifier is None else getattr(amplifier, current)
@@ -583,11 +573,7 @@ def amplifier_torque(candidate: Candidate, current: str) -> tuple[float | None, 
 def motor_with_gear(
     motor_name: str, motor: Motor, gear_name: str, gear: Gear, ratio: float
 ) -> Candidate:
-    """Return one motor behind one gear.
-
-    Args:
-        motor_name, gear_name: of the entries `motor` and `gear`. ratio: one of the gear's.
-    """
+    """Return one motor behind one gear; `ratio`: one of the gear's."""
     inertia = _sum(motor.rotor_inertia, gear.input_inertia)
     made = gear_transmission(gear, ratio, inertia)
     return Candidate(motor_name, motor, gear_name, gear, ratio, *made, gear.bearing)
@@ -601,7 +587,7 @@ def gear_transmission(
     See the module; None where the efficiency or the inertia is not known.
 
     Args:
-        gear: its entry. ratio: one of its ratios.
+        ratio: one of the gear's.
         rotor_inertia: at its input, the motor's included, kg m^2; None: not known.
     """
     if gear.efficiency is None:
@@ -649,11 +635,7 @@ def gear_transmission(
 
 
 def input_torques(candidate: Candidate, cycle: DriveCycle) -> tuple[np.ndarray, np.ndarray]:
-    """Return both ends (T,) of the torque at a gear's input, N m, without any rotor.
-
-    Args:
-        candidate: with a transmission. cycle: the joint's samples.
-    """
+    """Return both ends (T,) of the torque at a gear's input, N m, without any rotor."""
     assert candidate.transmission is not None
     bare = candidate.transmission.model_copy(update={"rotor_inertia": 0.0})
     return gear_torque_bounds(
@@ -670,7 +652,7 @@ def braking_torque(candidate: Candidate, cycle: DriveCycle) -> float:
     """Return the largest torque, rotor included, at the rated shaft of a drive that brakes, N m.
 
     Args:
-        candidate: with a transmission. cycle: the joint's samples with their decelerations.
+        cycle: the joint's samples with their decelerations.
     """
     assert candidate.transmission is not None
     scale = candidate.ratio if candidate.at_output else 1.0
@@ -684,16 +666,13 @@ def motor_cycle(
     conditions: Conditions,
     bare: tuple[np.ndarray, np.ndarray] | None = None,
 ) -> MotorCycle:
-    """Return the demand of the cycle on a candidate's motor.
+    """Return the demand of the cycle on the motor of a candidate with a transmission.
 
     T_m = [lower(t), upper(t)]/r + r viscous v + r J a (`motor_torque_bounds`); i = T_m/k;
     P = T_m omega + R(T_w) i^2.
 
     Args:
-        candidate: with a transmission.
-        cycle: the joint's samples.
-        conditions: ambient temperature.
-        bare: `input_torques`, where they are there already.
+        conditions: ambient temperature. bare: `input_torques`, if known.
     """
     assert candidate.transmission is not None
     t = cycle.stretched

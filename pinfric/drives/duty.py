@@ -1,8 +1,8 @@
 """Duty: cycles with their shares or counts, as a period that repeats without end.
 
-A period runs every cycle as often as it is asked to, one kind after the other, then stands switched
-off. Each cycle is computed once. A mean over the period is one over the cycles, time stretched by
-their repetitions; what depends on the order (windows, standstills, temperatures) is played.
+A period runs each cycle as often as asked, one kind after the other, then stands switched off. Each
+is computed once. A mean over the period is one over the cycles, time stretched by their
+repetitions; what depends on the order (windows, standstills, temperatures) is played.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ class Schedule:
 
     Attributes:
         starts: (K + 1,) first sample of each part, and the end.
-        repeats: (K,) how often it is run in a period; 0: not at all, but its peaks count.
+        repeats: (K,) how often it is run in a period; 0: only its peaks count.
         names: (K,) of the cycles. off: the last part stands switched off.
     """
 
@@ -45,7 +45,7 @@ class Schedule:
     off: bool = False
 
     def parts(self) -> Iterator[tuple[str, slice]]:
-        """Yield the name and samples of each cycle that is run; not those switched off."""
+        """Yield the name and samples of each cycle that is run."""
         for k in range(len(self.repeats) - self.off):
             if self.repeats[k]:
                 yield self.names[k], slice(self.starts[k], self.starts[k + 1])
@@ -66,7 +66,7 @@ class Schedule:
         return counts.astype(np.int64)
 
     def stretched(self, t: np.ndarray) -> np.ndarray:
-        """Return (T,) time as spent in a period: each cycle's stretched by its repetitions.
+        """Return (T,) time in a period, each cycle's stretched by its repetitions, s.
 
         Args:
             t: (T,) s, each cycle once.
@@ -81,7 +81,7 @@ class Schedule:
     def played(self, t: np.ndarray, window: float = np.inf) -> tuple[np.ndarray, np.ndarray]:
         """Return the samples (indices) in the order of the period, and their times (s).
 
-        Repetitions that no window can tell apart are left out: no more than fill it and one more.
+        Of equal repetitions no more are played than fill a window, and one more.
 
         Args:
             t: (T,) s, each cycle once. window: s.
@@ -107,8 +107,8 @@ class Duty:
     """A duty: cycles with their shares of the time, or their counts.
 
     Whole numbers are counts: the period runs each cycle so often. Other numbers are shares of the
-    time switched on, which add up to 1: the period is `period` long. S3-like duty: `on` is the part
-    of the period switched on; in the rest the motors have no current and nothing moves.
+    time switched on, which add up to 1: the period is `period` long. While the robot is off, motors
+    have no current and nothing moves.
 
     Args:
         cycles: pairs of a trajectory and its share or count.
@@ -214,7 +214,7 @@ class Duty:
         )
 
     def motion(self) -> Trajectory:
-        """Return every cycle once, one after the other, and where the robot stands switched off."""
+        """Return every cycle once, one after the other, then the robot switched off."""
         runs = [*(cycle for cycle, _ in self.cycles), *self.beside]
         if len(runs) == 1 and self.on == 1:
             return runs[0]

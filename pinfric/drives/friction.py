@@ -39,13 +39,7 @@ def drive_friction(scene: Scene) -> dict[str, dict[str, str]]:
 
 
 def without_drives(scene: Scene, names: Collection[str]) -> Scene:
-    """Return the scene with no losses of the named drives in their joints' friction.
-
-    Args:
-        scene: where `drive_friction` says of friction that it is the drives', it becomes 0, and
-            is no guess any more.
-        names: of the drives that others replace.
-    """
+    """Return the scene without the `drive_friction` of the named drives."""
     sites = sites_of(scene, names)
     changed = {
         name: (entry := scene.friction[name]).model_copy(
@@ -62,7 +56,7 @@ def without_drives(scene: Scene, names: Collection[str]) -> Scene:
 
 
 def sites_of(scene: Scene, names: Collection[str]) -> set[str]:
-    """Return under which names the friction of the named drives stands: mostly their joints'."""
+    """Return the names of the named drives' friction: mostly their joints'."""
     if scene.actuators is None:
         return set(names)
     return {a.joint or a.drive_name for a in scene.actuators if a.drive_name in names}
@@ -71,8 +65,8 @@ def sites_of(scene: Scene, names: Collection[str]) -> set[str]:
 def own_friction(scene: Scene, name: str) -> float:
     """Return the dry friction of a joint that is known to be its own, N m or N, moving.
 
-    The lesser of both directions. Nothing that `drive_friction` says is the drive's, and nothing
-    that grows with the load: rolling bearings hold nothing reliable.
+    The lesser of both directions, without `drive_friction` and without what grows with the load:
+    rolling bearings hold nothing reliable.
     """
     term = scene.friction[name].coulomb if name in scene.friction else None
     if term is None or "coulomb" in drive_friction(scene).get(name, {}):

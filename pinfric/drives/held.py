@@ -1,7 +1,7 @@
-"""Masses of links that may hold drives: what the links hold beside what they weigh.
+"""Whether links can hold the drives that a scene says, or leaves open, that they hold.
 
-Nothing in a URDF tells whether its masses are those of bare links. Of a drive that is chosen one
-side can be tested: no link is lighter than the drives in it.
+A URDF does not tell whether its masses are those of bare links. But no link is lighter than the
+drives in it.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ class Held(NamedTuple):
 
     @property
     def share(self) -> float:
-        """Of the links' mass that is the drives'."""
+        """Of the links' mass."""
         if self.drives == 0.0:
             return 0.0
         return self.drives / self.links if self.links > 0.0 else np.inf
@@ -50,8 +50,8 @@ def held_drives(
 ) -> list[Held]:
     """Return the mass of drives in all moving links, then in those beyond each joint.
 
-    A drive is held by its joint's parent link. One link alone says nothing: identified parameters
-    move mass between neighbours, sums of a whole branch do not.
+    A drive is held by its joint's parent link. Whole branches are compared: identified parameters
+    move mass between neighbouring links.
 
     Args:
         scene: whose `masses` says which drives its links hold.
@@ -73,7 +73,7 @@ def held_drives(
 
 
 def doubted_masses(held: list[Held]) -> str:
-    """Return whether so much of the links' mass would be drives that it is questioned; "": no."""
+    """Question links of whose mass the drives would be too much; else ""."""
     whole, worst = held[0], max(held, key=lambda one: one.share)
     doubted = worst if worst.share >= _OF_BRANCH else whole if whole.share >= _OF_ALL else None
     if doubted is None:

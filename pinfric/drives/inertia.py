@@ -20,7 +20,7 @@ def joint_inertias(scene: Scene, states: States) -> np.ndarray:
     """Return (T, na) M_jj(q): the inertia about each drive's joint, kg m^2 (kg).
 
     Payloads count while they are carried; rotors (Pinocchio's armature) do not. Of coupled drives
-    it is what moves with one while the others stand, (P M P^T)_jj.
+    it is (P M P^T)_jj: what moves with one while the others stand.
     """
     own = np.array([drive.velocity_index for drive in scene.drives], dtype=np.int64)
     P, inertia = delivery(scene.drives, scene.model.nv), np.empty((len(states.q), len(own)))

@@ -1,8 +1,8 @@
 """One limit of drives: what a cycle needs, what the maker gives, and where both come from.
 
-A row is written once for numbers and for arrays: of one drive it is a criterion of the report;
-over a catalogue's gears (rows) and motors (columns), where needs are lower bounds, it leaves out
-what cannot fit; the rows whose need is one of `SIGNALS` bound every instant of a retimed motion.
+A row holds for numbers and for arrays: of one drive it is a criterion of the report; over gears
+(rows) and motors (columns) of a catalogue, where needs are lower bounds, it leaves out what cannot
+fit; rows whose need is one of `SIGNALS` bound every instant of a retimed motion.
 """
 
 from __future__ import annotations
@@ -53,16 +53,14 @@ class JointCase(NamedTuple):
     """The data by which a joint's candidates are checked.
 
     Attributes:
-        demand, cycle: of the joint.
         load_inertia: largest inertia about it over the cycle, kg m^2 (kg); None: not known.
         hand: it is one of the hand axes, beyond the third joint.
-        conditions: what is demanded.
-        rest: what it asks of a brake; None: not known.
-        swung: inertia that rows on frequencies demand of, without a rating's postures: at which of
-            them makers mean their rule is not known. 0: of none; None: the load inertia.
+        conditions: what is demanded. rest: what it asks of a brake; None: not known.
+        swung: load inertia for rows on frequencies, without a rating's postures, of which makers'
+            rules say nothing. 0: of none; None: the load inertia.
         stop_effort: that the gear must bear in stops of all joints together, N m or N; NaN: it is
-            not known. stop_note: where it is from, in words.
-        braking: what braking under power from each sample takes, without payload and with.
+            not known. stop_note: its source, in words.
+        braking: braking under power from each sample, without payload and with.
     """
 
     demand: GearDemand
@@ -78,7 +76,7 @@ class JointCase(NamedTuple):
 
 
 def idle(conditions: Conditions, hand: bool = False) -> JointCase:
-    """Return the case of a joint that does nothing: what its drive must have is seen without."""
+    """Return the case of a joint that does nothing."""
     nothing, still = np.zeros(2), np.ones(2, dtype=bool)
     cycle = DriveCycle(
         np.arange(2.0), nothing, nothing, nothing, nothing, nothing, still, still, 0.0
@@ -145,7 +143,7 @@ class Candidates:
     one: Candidate | None = None
 
     def of_gears(self, rows: np.ndarray) -> Candidates:
-        """Return those with some of the gears; motors have one row, or are in the gears."""
+        """Return those with some of the gears."""
 
         def some(values: np.ndarray) -> np.ndarray:
             return values if len(values) == 1 else values[rows]
@@ -171,19 +169,19 @@ class Candidates:
 
     @property
     def entry(self) -> Gear:
-        """The gear's entry; rows of gears are for drives that have one."""
+        """The gear's entry, for rows of drives that have a gear."""
         assert self.candidate.gear is not None
         return self.candidate.gear
 
     @property
     def bearing(self) -> BearingRatings:
-        """What carries the joint; rows of bearings are for drives whose ratings are known."""
+        """What carries the joint, for rows of drives whose ratings of it are known."""
         assert self.candidate.bearing is not None
         return self.candidate.bearing
 
     @property
     def guide(self) -> BearingRatings:
-        """The guide of a sliding joint; its rows are for drives whose ratings are known."""
+        """The guide of a sliding joint, for rows of drives whose ratings of it are known."""
         assert self.candidate.guide is not None
         return self.candidate.guide
 
@@ -219,8 +217,7 @@ def read_drive(candidate: Candidate, motor: MotorCycle | None, case: JointCase) 
     """Return one drive as rows read it.
 
     Args:
-        candidate: motor and gear. motor: the cycle at its rated shaft; None where figures for its
-            torque are missing. case: the joint.
+        motor: the cycle at its rated shaft; None where figures for its torque are missing.
     """
     ratings, conditions = candidate.ratings, case.conditions
     asked = Figures(**dict.fromkeys(_NOTHING_ASKED, np.nan), figures=None)
@@ -320,21 +317,21 @@ class Limit:
 
     Attributes:
         name: as reports, sweeps and retiming print it.
-        need: what the cycle asks: one of `SIGNALS`, which `retime` bounds at every instant, or a
-            function of the whole cycle; NaN where it is not known.
-        gives: a figure of the drive, `gear.NAME` or `motor.NAME`, for which those of
-            `policy.STAND_INS` stand in; or a function; NaN where it is not known.
+        need: one of `SIGNALS`, which `retime` bounds at every instant, or a function of the whole
+            cycle; NaN where it is not known.
+        gives: a figure of the drive, `gear.NAME` or `motor.NAME`, or one of its
+            `policy.STAND_INS`; or a function; NaN where it is not known.
         unit: of both sides; `torque` and `speed` are the rated shaft's, `effort` and `place` the
             joint's.
         formula, source: of the comparison.
         missing: the figure that is missing if one is. note: of this case.
-        stage: for whom the row is written: "gear", for arrays of gears; "pair", for gears and
-            motors; "entry", for one gear; "drive", for one drive.
+        stage: "gear": for arrays of gears; "pair": of gears and motors; "entry": for one gear;
+            "drive": for one drive.
         reserve: a factor on the need, or the condition that is it.
         condition: the conditions that set one side; a criterion that fails names them.
-        applies: to which drives; to others it says nothing.
+        applies: to which drives; others have no such criterion.
         endless: what is said where an infinite figure is available; it passes without a number.
-        key: the key of a motor file that gives it by number; empty: none does.
+        key: of a motor file that gives it by number; empty: none does.
         optional: where the need is NaN it is not required.
         verdict: in place of the comparison, where there are no two numbers.
     """
@@ -390,7 +387,6 @@ class Limit:
         return np.maximum(margin, -1e9)
 
     def _stand_in(self, d: Candidates) -> str:
-        """Say which figure stands in for the one that is not printed."""
         if not isinstance(self.gives, str):
             return ""
         side, _, figure = self.gives.partition(".")

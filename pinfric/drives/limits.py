@@ -1,8 +1,4 @@
-"""The one table of a drive's limits (`limit.Limit`).
-
-`size` takes the needs of a whole cycle, `sweep` those of every sample of its own, `retime` those of
-each instant of a motion.
-"""
+"""The one table of a drive's limits (`limit.Limit`): `size`, `sweep` and `retime` judge by it."""
 
 from __future__ import annotations
 
@@ -92,7 +88,7 @@ def _derived(figure: str) -> Callable[[Candidates], str]:
 
 
 def _continuous_note(d: Candidates) -> str:
-    """Say how the rating was found, and when a stop exceeds it: it assumes that the rotor turns."""
+    """Say how the rating was found, and when a hold exceeds it: it assumes that the rotor turns."""
     ratings, figures = d.ratings, d.asked.figures
     limit, derated = ratings.continuous_at(d.conditions, d.asked.mean_speed)
     notes = [derated] if derated else []
@@ -120,14 +116,14 @@ def _cooled(d: Candidates) -> str:
 
 
 def _stalled(d: Candidates) -> str:
-    """The same, and the time constant where the winding's is not printed."""
+    """The same, and `thermal_time` where the winding's is not printed."""
     thermal = d.ratings.thermal
     printed = thermal is not None and thermal.winding_time is not None
     return _cooled(d) + " thermal_time" * (not printed)
 
 
 def _warmed(d: Candidates) -> str:
-    """The same, and the time constant where neither the winding's nor the motor's is printed."""
+    """The same, and `thermal_time` where neither the winding's nor the motor's is printed."""
     return _stalled(d) if d.ratings.thermal_time is None else _cooled(d)
 
 
@@ -180,10 +176,7 @@ def _winding_room(d: Candidates) -> float:
 
 
 def _winding_rise(d: Candidates) -> float:
-    """max T_w - T_a; infinite where it runs away; at the mean heat where that is too hot already.
-
-    The peak is at least the temperature at the mean heat.
-    """
+    """max T_w - T_a, at the mean heat where that is too hot already; infinite: it runs away."""
     room, ambient, mean = _winding_room(d), d.conditions.ambient, d.asked.mean_temperature
     if room <= 0:
         return np.inf
@@ -379,7 +372,7 @@ def _linear(d: Candidates) -> bool:
 
 
 def _shocked(d: Candidates) -> bool:
-    """Whether a gear bears collisions and stops: also one inside of a gearmotor with a brake."""
+    """Whether it has a gear that bears stops, also one in a gearmotor with a brake."""
     return _has_gear(d) or (d.candidate.brake != "" and d.ratio != 1.0)
 
 
@@ -482,12 +475,11 @@ def _life_of(d: Candidates) -> tuple[str, str]:
 
 
 def _above_rated(d: Candidates) -> np.ndarray:
-    """(T,) at which samples a gear bears more than its nominal torque."""
     return np.abs(d.case.cycle.ends[0]) > d.gear.rated_torque
 
 
 def _peak_turns(d: Candidates) -> float:
-    """Output turns above the nominal torque in the gear's life: as asked for, else 20,000 h."""
+    """Output turns above the nominal torque in the life asked for, else 20,000 h."""
     cycle, hours = d.case.cycle, d.conditions.life or _PLANETARY_LIFE
     rate = mean(cycle.stretched, np.abs(cycle.velocity) * _above_rated(d))
     return rate / (2 * np.pi) * 3600 * hours
@@ -513,12 +505,11 @@ def _screw(d: Candidates) -> bool:
 
 
 def _of_screw(rule: Callable[[Screw], float | None]) -> Figure:
-    """What a rule gives for the gear's screw; NaN where its length is not known."""
     return lambda d: np.nan if d.entry.screw is None else number(rule(d.entry.screw))
 
 
 def _buckling(d: Candidates) -> float:
-    """By Euler; of a complete unit, which has a stroke, the maker's force."""
+    """Euler's, or the maker's force of a complete unit, which has a stroke."""
     if d.entry.screw is not None:
         return buckling_load(d.entry.screw)
     return d.gear.rated_torque if d.entry.stroke is not None else np.nan
@@ -531,7 +522,7 @@ def _buckling_note(d: Candidates) -> str:
 
 
 def _tightest(d: Candidates) -> tuple[float, float]:
-    """The effort and the maker's limit at its speed, at the sample where least of it is left."""
+    """Effort and the maker's limit at its speed, at the sample of least margin."""
     assert d.entry.effort_curve is not None  # the row is for gears that have one
     at, limits = np.transpose(d.entry.effort_curve)
     speed, effort = d.ratio * np.abs(d.case.cycle.velocity), np.abs(d.case.cycle.ends[0])
@@ -642,18 +633,16 @@ def _turning(d: Candidates) -> bool:
 
 
 def _on_nut(d: Candidates) -> bool:
-    """Whether a joint slides by a screw's nut that is rated as a bearing, not one that slides."""
+    """Whether a joint slides by a screw's nut that is rated as a bearing."""
     return d.linear and _screw(d) and d.entry.nut is None
 
 
 def _rule(d: Candidates) -> str:
-    """Where the rule is from, and the ratings, where they are from elsewhere."""
     rule = KINDS[d.bearing.kind].source
     return f"{rule}; ratings: {d.bearing.source}" if d.bearing.source else rule
 
 
 def _borne(rule: Callable[[BearingRatings, BearingLoad], float | None]) -> Figure:
-    """What a rule gives for the bearing and its load; NaN where one is not known."""
     return lambda d: np.nan if (x := d.demand.bearing) is None else number(rule(d.bearing, x))
 
 
@@ -744,7 +733,6 @@ def _bare(carried: Callable[[Candidates], bool]) -> Callable[[Candidates], bool]
 
 
 def _guided(d: Candidates) -> bool:
-    """Whether a guide whose ratings are known carries the joint."""
     return d.linear and d.candidate.guide is not None
 
 
@@ -770,7 +758,7 @@ BEARING_LIMITS = [
 
 
 def _only_rated(d: Candidates) -> bool:
-    """Whether there is no cycle whose frequencies could be demanded, only a rating's postures."""
+    """Whether there is only a rating's postures, of which no frequencies are demanded."""
     return d.case.swung == 0.0
 
 
@@ -850,8 +838,7 @@ def check(candidate: Candidate, motor: MotorCycle | None, case: JointCase) -> tu
     """Return every criterion of a drive, in the order of the table.
 
     Args:
-        candidate: motor and gear. motor: of `motor_cycle`; None where figures for the motor's
-            torque are missing. case: its joint.
+        motor: of `motor_cycle`; None where figures for the motor's torque are missing.
     """
     return criteria(read_drive(candidate, motor, case))
 

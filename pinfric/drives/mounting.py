@@ -31,7 +31,7 @@ def mounting(scene: Scene) -> str:
 
 
 def mounted(scene: Scene, every: bool, elsewhere: Sequence[str] = ()) -> str:
-    """Return a sentence: how the robot is mounted, and for which other mountings drives are.
+    """Say how the robot is mounted, and for which other mountings drives are.
 
     Args:
         scene: as it is mounted. every: whether drives are for all six ways.
@@ -68,9 +68,9 @@ def turned_as(scene: Scene, other: Scene) -> str:
 
 
 def mountings(scene: Scene) -> dict[str, list[float]]:
-    """Return gravity (m/s^2) along each axis of the base, both ways, by its words.
+    """Return gravity (m/s^2) along each axis of the base, both ways, by words.
 
-    The one that the scene has is left out.
+    The scene's own is left out.
     """
     own = np.asarray(scene.model.gravity.linear)
     size, turned = float(np.linalg.norm(own)), {}

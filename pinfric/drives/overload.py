@@ -5,9 +5,8 @@ proportion to T_m^2; each part of the temperature rise is a low-pass of it,
 
     tau theta' + theta = T_m^2,
 
-settled over the period that repeats, the time switched off included. The root of its greatest value
-is held against the continuous torque, whose own theta is its square. Of a torque T for t_on of a
-period T_p this is makers' overload rule
+settled over the period that repeats. The root of its greatest value is held against the continuous
+torque. Of a torque T for t_on of a period T_p this is makers' overload rule
 T/T_continuous <= sqrt((1 - e^(-T_p/tau))/(1 - e^(-t_on/tau))).
 
 At a standstill one phase takes all the heat: there the time above the continuous torque counts.
@@ -38,10 +37,10 @@ def heat_lag(thermal: Thermal | None, whole: float | None, conditions: Condition
     """Return how a motor's temperature follows its heat.
 
     Winding and housing, each by its thermal resistance, where both time constants are known; else
-    the winding's alone, else the time constant of the whole motor, else that of the conditions.
+    the winding's alone, else the whole motor's, else that of the conditions.
 
     Args:
-        thermal: of the winding. whole: time constant of the motor, s, where one is printed.
+        whole: time constant of the motor, s, where one is printed.
         conditions: `thermal_time` for motors of which none is known.
 
     Source: maxon, Key information: thermal behaviour (two nodes); IEC 60034-1, S3.
@@ -75,7 +74,7 @@ def settled_heat(t: np.ndarray, x: np.ndarray, lag: Lag, duty: Schedule | None =
     Args:
         t: (T,) increasing, s; the last sample is the first of the next repetition.
         x: (T,), of the unit of the result.
-        duty: which samples are which cycle of a period, and how often; None: they are one.
+        duty: which samples are which cycle of a period; None: they are one.
     """
     largest = float(np.abs(x).max())
     if len(t) == 1 or not largest > 0:  # also NaN
@@ -96,9 +95,7 @@ def settled_heat(t: np.ndarray, x: np.ndarray, lag: Lag, duty: Schedule | None =
 def longest_above(
     t: np.ndarray, x: np.ndarray, limit: float, where: np.ndarray, duty: Schedule | None = None
 ) -> float:
-    """Return the longest time (s) in which |x| stays above a limit, in a cycle that repeats.
-
-    Infinite where it never ends.
+    """Return the longest time (s) in which |x| exceeds a limit in a repeated cycle, or infinity.
 
     Args:
         t: (T,) increasing, s. x: (T,), its magnitude linear between samples. limit: of |x|.

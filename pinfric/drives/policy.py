@@ -1,8 +1,8 @@
 """The policy of `size`: what is demanded, what must be known of a drive, and which parts fit.
 
-A drive can be signed if every figure of `NEEDS` is printed, or has a stand-in at the unfavourable
-end, which the report names. What cannot be signed is listed with the figure to ask its maker for.
-Nothing here looks at other candidates: what is chosen does not depend on what else there is.
+A drive can be signed if every figure of `NEEDS` is printed, or has an unfavourable stand-in, which
+the report names. Of others the figures to ask the maker for are listed. Nothing here looks at other
+candidates: what is chosen does not depend on what else there is.
 """
 
 from __future__ import annotations
@@ -265,10 +265,7 @@ GivenConditions = Annotated[
 
 
 def parse_conditions(given: Conditions | Mapping[str, Any], default: Conditions) -> Conditions:
-    """Return `default` with what is given in place of its own: of an object what was set in it.
-
-    Args:
-        given: as an object or a mapping of keys. default: the catalogue's.
+    """Return `default` with what is given in its place: of an object what was set in it.
 
     Raises:
         CatalogError: an unknown condition or a value that cannot be.
@@ -382,7 +379,7 @@ def lacks(kind: str, *entries: Any) -> tuple[str, ...]:
     """Return the figures of `NEEDS` that an entry lacks, as its maker is asked for them.
 
     Args:
-        kind: of `NEEDS`. entries: have the keys of the list: of a motor `drivetrain.Ratings`, too.
+        kind: of `NEEDS`. entries: with the figures of the list, of a motor `Ratings`, too.
     """
     return tuple(
         figure
@@ -392,16 +389,12 @@ def lacks(kind: str, *entries: Any) -> tuple[str, ...]:
 
 
 def of_maker(figures: Sequence[str], kind: str) -> tuple[str, ...]:
-    """Return the missing figures that a maker can be asked for: a belt has no bearing.
-
-    Args:
-        figures: of `lacks`. kind: of the gear.
-    """
+    """Return the missing figures that a maker can be asked for: a belt has no bearing."""
     return tuple(figure for figure in figures if (kind, figure) != ("belt", BEARING))
 
 
 def request(figures: Sequence[str], kind: str) -> str:
-    """Return what to do about missing figures, in words; arguments as of `of_maker`."""
+    """Say what to do about missing figures; arguments as of `of_maker`."""
     asked = of_maker(figures, kind)
     own = f"give the joint a bearing of its own: {OWN_BEARING}"
     said = [f"ask its maker for {', '.join(asked)}"] * bool(asked)
@@ -412,7 +405,7 @@ def outside(kind: str, conditions: Conditions, rated: float = -np.inf) -> tuple[
     """Return what to ask the maker for, where it is too cold or too warm for a kind of product.
 
     Args:
-        kind: of `SURROUNDINGS`. conditions: `ambient`. rated: for which this product is rated, C.
+        kind: of `SURROUNDINGS`. rated: for which this product is rated, deg C.
     """
     if (given := SURROUNDINGS.get(kind)) is None:
         return ()

@@ -4,9 +4,7 @@
 
 A supply of voltage U_0 and resistance R_s holds U = U_0 - R_s P/U,
 
-    U = U_0/2 + sqrt(U_0^2/4 - R_s P),
-
-and delivers no more than P = U_0^2/(4 R_s).
+    U = U_0/2 + sqrt(U_0^2/4 - R_s P),      P <= U_0^2/(4 R_s).
 
 The largest single return of energy lifts the bus from U to at most U_max where its capacitors
 take it, C (U_max^2 - U^2)/2; the rest is a resistor's, or a supply's that feeds back.
@@ -71,7 +69,7 @@ class BusPower:
 
     @property
     def at_least(self) -> bool:
-        """Whether what is drawn is only the part of it that is known."""
+        """Whether not all power that is drawn is known."""
         return bool(self.left_out or self.mechanical)
 
     @property
@@ -100,7 +98,7 @@ class BusPower:
 
 
 def _with_prefix(x: float) -> str:
-    """Return a number with three digits and the prefix of its unit: "27.7 k", "450 ", "12.0 m"."""
+    """Return three digits and the unit's prefix: "27.7 k", "450 ", "12.0 m"."""
     rounded, steps = float(f"{x:.2e}"), ((1e6, "M"), (1e3, "k"), (1.0, ""), (1e-3, "m"))
     factor, prefix = next((step for step in steps if rounded >= step[0]), (1e-6, "u"))
     return f"{x / factor:.3g} {prefix}"
@@ -119,7 +117,6 @@ def bus_power(
         drives: name -> its motor over the period; None where there is none.
         voltages: name -> what the motor takes, (T,) V; None where its line is not known.
         t: (T,) s, each cycle once. duty: which samples are which cycle of the period.
-        conditions: voltages, capacitance, supply.
     """
     power, stretched = np.zeros(len(t)), duty.stretched(t)
     known = {name: motor for name, motor in drives.items() if motor is not None}
@@ -189,7 +186,6 @@ def _sag(
     at_least: bool,
     conditions: Conditions,
 ) -> Criterion:
-    """What every motor takes against the sagging bus, at the same instant."""
     needed, has = None, None
     lines = [taken for taken in voltages.values() if taken is not None]
     missing = "conditions.supply_resistance"

@@ -1,8 +1,7 @@
 """A rating as a motion to size by, alone or beside a duty.
 
-Of a joint only its own part counts for means: its move, or the holds; one long motion would dilute
-the RMS effort of each joint by the parts of all others. A duty beside is a third such part. A drive
-must bear each of them, and the peaks of all.
+A joint's means are over its own part, its move or the holds: all others' parts would dilute its RMS
+effort. A duty beside is one more part. A drive must bear each of them, and the peaks of all.
 """
 
 from __future__ import annotations
@@ -22,7 +21,7 @@ class RatedCycle:
     """A rating's parts behind the cycles of a duty, as one motion.
 
     Attributes:
-        rated: the rating. motion: the cycles, then the rating, then the time switched off.
+        motion: the cycles, then the rating, then the time switched off.
         schedule: how often a period runs each part: of a rating beside a duty never.
         moves: drive -> its part. holds: parts in which all joints stand. duty: beside it.
     """
@@ -36,11 +35,7 @@ class RatedCycle:
 
     @classmethod
     def of(cls, rated: Rated, duty: Duty | None) -> RatedCycle:
-        """Return a rating as a motion.
-
-        Args:
-            rated: of `rate`. duty: with the payloads of the scene as it was given; None: none.
-        """
+        """Return a rating as a motion, beside a duty with the payloads of the given scene."""
         lifts, parts = zip(*rated.motions(), strict=True)
         if duty is None:
             whole, cycles = Duty(tuple((part, 1.0) for part in parts)), 0
@@ -63,7 +58,7 @@ class RatedCycle:
         return 0 if self.duty is None else len(self.duty.cycles)
 
     def means(self, drive: int) -> dict[str, Schedule]:
-        """Return what counts for a drive's means, by name: each by itself must be borne."""
+        """Return the schedules of a drive's means, by name: each must be borne."""
         means = {"cycle": self.schedule} if self.cycles else {}
         means["rating: hold"] = self.schedule.only(self.holds)
         if drive in self.moves:

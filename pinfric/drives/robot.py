@@ -1,10 +1,9 @@
 """The robot with its drives' masses: what a kilogram at each joint adds to all others.
 
-A drive of mass m at its joint's origin, on the parent link, is a point of that link. In an open
-chain efforts without friction, wrenches and mass matrices are linear in the masses of all bodies,
-so that one motion of a robot of nothing but 1 kg there gives the exact change of all of them.
-Friction that depends on the load is not linear: it is kept as at the last exact solution, and a
-choice is settled only by one at its own masses.
+A drive is a point mass at its joint's origin, on the parent link. In an open chain efforts without
+friction, wrenches and mass matrices are linear in the masses, so one motion of a robot of nothing
+but 1 kg there gives the exact change. Friction that depends on the load is not linear: it is kept
+as at the last exact solution, and a choice is settled only by one at its own masses.
 """
 
 from __future__ import annotations
@@ -52,7 +51,7 @@ Masses = Mapping[int, float]
 
 @dataclass(frozen=True)
 class _Point:
-    """A robot of nothing but 1 kg where a drive is: (T, na), (T, na), (T, na), (T, nj, 6)."""
+    """Of a robot of nothing but 1 kg at a drive: (T, na), (T, na), (T, na), (T, nj, 6)."""
 
     effort: np.ndarray
     rest: np.ndarray
@@ -81,10 +80,9 @@ class _Solved:
 
 
 def _check_known(result: InverseResult) -> None:
-    """Refuse a cycle whose efforts are not known.
+    """Refuse a cycle at whose samples efforts are not known, or their interval may be too narrow.
 
-    Raises:
-        SizingError: at one sample there are none, or their interval may be too narrow.
+    Raises: SizingError.
     """
     unknown = np.isnan(result.effort_lower).any(axis=1)
     samples = np.flatnonzero(unknown | result.interval_searched)
@@ -105,8 +103,7 @@ class DrivenRobot:
     """A robot along its cycle, with any masses of its drives.
 
     Args:
-        scene: the robot as given. motion: its cycle. duty: which samples are which cycle.
-        conditions: what is demanded. rating: that the motion contains.
+        scene: the robot as given. duty: which samples are which cycle. rating: in the motion.
     """
 
     def __init__(
@@ -131,7 +128,7 @@ class DrivenRobot:
         return self.last.result
 
     def solve(self, masses: Masses) -> None:
-        """Make the solution with these masses the one to which changes are added."""
+        """Solve with these masses; changes are added to this solution."""
         given = {k: m for k, m in masses.items() if m and carried(self.scene, k)}
         if given != self.last.masses:
             self.last = _Solved(self, given) if given else self.base
@@ -183,7 +180,6 @@ class DrivenRobot:
         return JointCase(demand, cycle, inertia_max, hand, self.conditions, still, swung)
 
     def _point(self, k: int) -> _Point:
-        """What 1 kg at a drive adds (see the module)."""
         if k not in self._points:
             model = self.scene.model.copy()
             for j in range(model.njoints):
@@ -228,8 +224,8 @@ def with_masses(scene: Scene, masses: Masses) -> Scene:
     """Return the scene with masses (kg) at drives' joints, on the links that carry them.
 
     Raises:
-        SizingError: a mass below 0 (of a drive that is lighter than the one in the URDF) leaves a
-            link that is not a possible body.
+        SizingError: a mass below 0 (a drive lighter than the one in the URDF) leaves a link that is
+            not a possible body.
     """
     model, changed = scene.model.copy(), False
     for i, mass in masses.items():
@@ -269,7 +265,7 @@ def equip(scene: Scene, drives: Mapping[int, Candidate], conditions: Conditions)
     Its `masses` says then that its links hold them. A drive whose mass is not known adds none.
 
     Args:
-        scene: the robot. drives: by their columns. conditions: `mass_in_urdf`.
+        drives: by their columns. conditions: `mass_in_urdf`.
 
     Raises:
         SizingError: as `with_masses`.
@@ -289,10 +285,7 @@ def equip(scene: Scene, drives: Mapping[int, Candidate], conditions: Conditions)
 
 
 def loads(scene: Scene, drive: int, actuator: int) -> bool:
-    """Whether a drive's mass acts on a joint: the link that holds it hangs on that joint.
-
-    In a loop the link may be moved by the drive that it holds.
-    """
+    """Whether a drive's mass acts on a joint: its link hangs on it, or a loop may move it."""
     held, joint = driven_joint(scene, drive), driven_joint(scene, actuator)
     if held is None or not carried(scene, drive):
         return False

@@ -64,7 +64,7 @@ def dn_speed(screw: Screw) -> float | None:
 def nut_pv(nut: Nut, ratio: float, cycle: DriveCycle) -> float:
     """Return the largest pressure times sliding speed of a nut over a cycle, Pa m/s.
 
-    p v_s = |F|/A |v| sqrt(1 + (ratio d/2)^2): the thread slides along its helix.
+    p v_s = |F|/A |v| sqrt(1 + (ratio d/2)^2), along the thread's helix.
 
     Args:
         nut: diameter d and contact area A. ratio: of the screw, 2 pi/lead, rad/m.
@@ -84,14 +84,14 @@ COMPUTED_CURVE = 0.5
 def pull_out_torque(stepper: Stepper, speed: np.ndarray, voltage: float) -> np.ndarray:
     """Return the torque (T,) at which a stepper motor falls out of step, N m.
 
-    The maker's curve, its speeds by the ratio of voltages where his driver has more; beyond its end
-    nothing. Without one half of what two sinusoidal phases can give, of amplitude i at the best
-    lead angle,
+    The maker's curve, its speeds by the ratio of voltages where his driver has more; 0 beyond its
+    end. Without one half of what two sinusoidal phases can give, of amplitude i at the best lead
+    angle,
 
         max k Re(i):   |i| <= sqrt(2) I,   |k w + (R + j (n/4) w L) i| <= V,   k = T_h/(sqrt(2) I).
 
     Args:
-        stepper: its entry. speed: (T,) of the shaft, rad/s. voltage: V of the bus.
+        speed: (T,) of the shaft, rad/s. voltage: V of the bus.
 
     Source: two-phase hybrid motor of n steps as a synchronous machine of n/4 pole pairs; half by
     rule.
@@ -128,8 +128,8 @@ def gear_life(
     """Return L10 of a gear by the bearing of its input, in hours.
 
     Strain wave gears: L50 = L_n (n_N/n_in,av)(T_N/T_av)^3, L10 = L50/5, of the wave generator's
-    balls; infinite where nothing turns or loads. Cycloidal gears print L10 as L_n, of the rollers
-    on the crank: L10 = L_n (n_N/n_in,av)(T_N/T_av)^(10/3).
+    balls; infinite where nothing turns or loads. Cycloidal gears print L10 as L_n, of the crank's
+    rollers: L10 = L_n (n_N/n_in,av)(T_N/T_av)^(10/3).
 
     Args:
         nominal_life: L_n, h (L50 at rated torque and speed).

@@ -115,8 +115,8 @@ class ImportedTable:
 def import_table(table: str | Path, mapping: str | Path | None = None) -> ImportedTable:
     """Return a CSV table with one row per entry as a catalogue.
 
-    A row that cannot be is left out and named: a number without unit or of the wrong quantity,
-    ratings that contradict each other, a name given twice.
+    A row is left out and named: a number without unit or of the wrong quantity, ratings that
+    contradict each other, a name given twice.
 
     Args:
         table: CSV (comma, semicolon or tab), names in line 1; whether its commas or its points are
@@ -200,7 +200,7 @@ def write_catalog(content: dict[str, Any], path: str | Path, origin: str = "") -
     """Write a catalogue's content as a YAML file that `load_catalog` reads.
 
     Args:
-        content: of `import_table`. path: the file. origin: for its first line.
+        content: of `import_table`. origin: for its first line.
 
     Raises:
         PinfricError: it cannot be written.
@@ -212,8 +212,8 @@ def write_catalog(content: dict[str, Any], path: str | Path, origin: str = "") -
 def _decimal_mark(path: Path, delimiter: str, texts: Iterable[str]) -> str:
     """Return the decimal mark of a table's numbers, or "" where they do not tell.
 
-    Of two kinds of mark in a number the last is decimal, one that is repeated is not; a single one
-    is, unless it may as well separate thousands ("3,000"). Points are, where commas separate cells.
+    Of two kinds of mark in a number the last is decimal, a repeated one is not; a single one is,
+    unless it may separate thousands ("3,000"). Points are, where commas separate cells.
     """
     seen: dict[str, str] = {}
     for text in texts:
@@ -235,9 +235,9 @@ def _decimal_mark(path: Path, delimiter: str, texts: Iterable[str]) -> str:
 def _entry(
     row: dict[str, str], plan: list[tuple[str, Cells]], wanted: TableMapping, mark: str
 ) -> tuple[dict[str, Any], Sourced | None, dict[str, str], list[str]]:
-    """A row as a file holds it and as an entry, its figures' SI units, and what is wrong with it.
+    """Return a row as of a file and as an entry, its figures' SI units, and what is wrong with it.
 
-    Of the cells `plan` has the ratio first: it says what turns.
+    `plan` has the ratio first: it says what turns.
     """
     entry: dict[str, Any] = deepcopy(wanted.every)  # its parts, too: each row adds its own
     kind, units, problems = _SECTIONS[wanted.section], dict[str, str](), list[str]()

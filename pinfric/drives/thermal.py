@@ -4,8 +4,8 @@
     C_h dT_h/dt = (T_w - T_h)/R_wh - (T_h - T_a)/R_ha + P_0
 
 with C_w = tau_w/R_wh and C_h = tau_h/R_ha (maxon, Key information: thermal behaviour). P_0 is what
-turning costs (iron and friction; `no_load_heat`). The fall of the torque constant with the magnets'
-temperature is left out. The model assumes that the rotor turns: a stalled motor has hot spots.
+turning costs (iron and friction; `no_load_heat`). Left out: the torque constant falls with the
+magnets' temperature; a stalled motor has hot spots.
 """
 
 from __future__ import annotations
@@ -53,10 +53,10 @@ def winding_cycle(
 ) -> WindingCycle:
     """Return the temperatures that a repeated cycle settles to.
 
-    In each interval between samples i^2 is its mean (|i| linear in time: between two worst cases of
-    opposite sign the motor does not rest), so the equations are linear with constant coefficients
-    and are stepped by their matrix exponential; one cycle is then an affine map x -> Phi x + g, and
-    the settled cycle begins at (I - Phi)^-1 g.
+    Between samples i^2 is its mean, |i| linear in time (between two worst cases of opposite sign
+    the motor does not rest). So the equations are linear with constant coefficients and are stepped
+    by their matrix exponential; one cycle is an affine map x -> Phi x + g, and the settled one
+    begins at (I - Phi)^-1 g.
 
     Args:
         t: (T,) s; the last sample is the first of the next repetition.
@@ -123,9 +123,9 @@ def no_load_heat(
 ) -> float:
     """Return P_0/omega, W s/rad, by which a motor's nominal point heats it just to its limit.
 
-    Copper alone leaves it cooler: T_max - T_a = r R (1 + alpha (T_max - T_ref)) i^2 + R_ha P_0. So
-    the maker's continuous torque is that at the nominal speed, and slower it may carry more. 0
-    where the limit is not known, or copper alone heats it more.
+    T_max - T_a = r R (1 + alpha (T_max - T_ref)) i^2 + R_ha P_0. So the maker's continuous torque
+    is that at the nominal speed, and slower it may carry more. 0 where the limit is not known, or
+    copper alone heats it more.
 
     Args:
         thermal: with its limit, or None. current, resistance: at the nominal point, A; ohm at 25 C.
@@ -201,8 +201,8 @@ def settled(
 ) -> tuple[np.ndarray, bool, float]:
     """Return what two nodes reach in a period that repeats: rises, runaway, sum.
 
-    That is the largest rise of each at each sample, (T, 2); whether they run away, so that there is
-    no fixed point and both others are 0; and the greatest sum of their parts.
+    The largest rise of each at each sample, (T, 2); whether they run away (no fixed point: the
+    others are 0); and the greatest sum of their parts.
 
     Args:
         maps: (T - 1, 6) what each interval does to the rises, x -> Phi x + g: Phi by rows, then g.

@@ -132,7 +132,6 @@ def cells_of(entry: type[Entry]) -> dict[str, str]:
 
 
 def _kinds(annotation: Any) -> Iterator[Any]:
-    """The types that a value may have; of words that are listed `str`."""
     origin = get_origin(annotation)
     if origin is Literal:
         yield str
@@ -155,7 +154,7 @@ def unit_of(entry: type[Entry], figure: str, linear: bool = False) -> str:
 def _parsed(unit: str) -> tuple[float, _Dimensions] | None:
     """What one of a unit is in SI, and its dimensions; None where it cannot be read.
 
-    A unit is a product of symbols with powers, and what stands after "/" divides. Between symbols
+    A unit is a product of symbols with powers; what stands after "/" divides. Between symbols
     stands a blank, a point, a hyphen, or nothing ("N m", "N.m", "oz-in", "gcm2"). A number may
     follow "/" ("s/60deg").
     """
@@ -212,9 +211,7 @@ def in_si(value: float, unit: str, wanted: str) -> float:
     servo's s/60deg) becomes one over it.
 
     Args:
-        value: as printed.
-        unit: in any spelling.
-        wanted: the SI unit, as `unit_of` says it.
+        unit: in any spelling. wanted: the SI unit, as `unit_of` says it.
 
     Raises:
         CatalogError: an unknown unit, or one of another quantity.
@@ -231,7 +228,7 @@ def in_si(value: float, unit: str, wanted: str) -> float:
 
 @lru_cache
 def _conversion(unit: str, wanted: str) -> tuple[float, bool]:
-    """What one of a unit is in another, or what is one over it: a lead, a time per angle."""
+    """What one of a unit is in another; of a lead, a time per angle, one over it."""
     parsed = _parsed(unit)
     fitting = (wanted, *_PRINTED.get(wanted, ()))
     if parsed is None:
