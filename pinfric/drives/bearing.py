@@ -127,8 +127,8 @@ class BearingRatings(Entry):
     @property
     def least_safety(self) -> float:
         """The required C_0/P_0: the entry's, else 2 of a guide."""
-        given = "static_safety" in self.model_fields_set or not self.guide
-        return self.static_safety if given else _GUIDE_SAFETY
+        stated = "static_safety" in self.model_fields_set or not self.guide
+        return self.static_safety if stated else _GUIDE_SAFETY
 
     @property
     def guide(self) -> bool:
@@ -213,8 +213,8 @@ def bearing_load(
         top = float(np.abs(x).max())
         if not (top > 0 and turned > 0):
             return 0.0
-        part = np.trapezoid(weight * (np.abs(x) / top) ** p, t)  # at most 1: no overflow
-        return top * float(part / turned) ** (1 / p)
+        weighted = np.trapezoid(weight * (np.abs(x) / top) ** p, t)  # at most 1: no overflow
+        return top * float(weighted / turned) ** (1 / p)
 
     peaks = [float(np.abs(x).max()) for x in (radial, axial, moment)]
     means = {p: (mean(radial, p), mean(axial, p), mean(moment, p)) for p in (BALL, ROLLER)}

@@ -146,33 +146,33 @@ def _standstill(
     slides = effort_unit(still.scene, i) == "N"
     ends = result.effort_lower[:, i], result.effort_upper[:, i]
     speed, peak = largest(result.actuator_velocity[:, i]), max(map(largest, ends))
-    rest = rest_of(result.scene, i, load, peak, speed)
+    demand = rest_of(result.scene, i, load, peak, speed)
     back = 1.0 if gear is None else driven_efficiency(gear)
-    why = rest.why_brake(conditions, back <= 0)
+    why = demand.why_brake(conditions, back <= 0)
     if gear is not None and not (slides and gear.ratio == 1.0):  # a linear motor has no shaft
         least = ends_by_magnitude(still.motor_torque_lower[:, i], still.motor_torque_upper[:, i])[1]
         shaft = largest(_rounded(result, least)), largest(load) / abs(gear.ratio)
         if inertia is not None:
             turning = np.abs(gear.ratio * result.actuator_velocity[:, i])
             at_shaft = inertia / gear.ratio**2 + gear.rotor_inertia
-            within = rest.within(conditions)
+            within = demand.within(conditions)
             stop = Stop(at_shaft, turning, np.abs(load / gear.ratio), within)
     pose = _hardest(still, i)
     use, held = _use(still, i, pose, load[pose])
-    torque = None if shaft is None else rest.reserve(conditions) * shaft[1]
+    torque = None if shaft is None else demand.reserve(conditions) * shaft[1]
     name = fitted or None
     if not fitted and torque is not None and (why or torque != 0.0):
         name = smallest_brake(brakes, torque, stop)
     needed = bool(why) and conditions.holding_brake != "any"
-    held_by = _torque(torque, stop, name, brakes, (rest, conditions), needed, fitted is not None)
+    held_by = _torque(torque, stop, name, brakes, (demand, conditions), needed, fitted is not None)
     if slides and gear is not None and shaft is None and needed and fitted is not None:
-        said, most = stated(conditions, "holding_brake"), rest.reserve(conditions) * effort[1]
+        said, most = stated(conditions, "holding_brake"), demand.reserve(conditions) * effort[1]
         figures = most, 0.0, "N", LEAST_MARGIN
         held_by = Criterion(
             BRAKE, Status.FAILS, *figures, held_by.formula, _SOURCE, _NO_SHAFT, said
         )
     if fitted == "" and not why:
-        held_by = replace(held_by, note=rest.without_brake(back))
+        held_by = replace(held_by, note=demand.without_brake(back))
     energy = _energy(stop, name, brakes, stated(conditions, "holding_brake") if needed else "")
     formula = "static friction needed / its limit <= 1, power off and all other joints held"
     unpowered = compare(_HOLDING, use, 1.0, "", formula, _STATICS, "a unique static solution")
@@ -342,12 +342,12 @@ def _use(still: InverseResult, i: int, pose: int, load: float) -> tuple[float | 
         if carried is None
         else [name for name, on in zip(scene.payloads, carried[pose], strict=True) if on]
     )
-    given = {"effort": effort}
+    efforts = {"effort": effort}
     ratios = [None if d.transmission is None else d.transmission.ratio for d in scene.drives]
     if None not in ratios:
-        given = {"motor_torque": effort / np.array(ratios, dtype=float)}
+        efforts = {"motor_torque": effort / np.array(ratios, dtype=float)}
     try:
-        hold = holds(scene, still.states.q[pose], attached=attached, **given)
+        hold = holds(scene, still.states.q[pose], attached=attached, **efforts)
     except PinfricError:
         return None, None
     return (hold.use if hold.held else None), hold.held

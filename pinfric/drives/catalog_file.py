@@ -100,14 +100,14 @@ def _of_folder(folder: Path) -> tuple[CatalogFile, ...]:
 
 def _merged(source: str, files: Sequence[CatalogFile]) -> Catalog:
     """All entries; of one name, and of the conditions, the last file's."""
-    given = [file.conditions for file in files if file.conditions is not None]
+    stated = [file.conditions for file in files if file.conditions is not None]
     entries: dict[str, Any] = {
         section: {name: entry for file in files for name, entry in getattr(file, section).items()}
         for section in _SECTIONS
     }
     belts = {name: belt.gear for name, belt in entries.pop("belts").items()}
     entries["gears"] = belts | entries["gears"]
-    return Catalog(source, **entries, conditions=given[-1] if given else Conditions())
+    return Catalog(source, **entries, conditions=stated[-1] if stated else Conditions())
 
 
 def _replaced(bundled: Sequence[CatalogFile], file: CatalogFile) -> Iterator[str]:

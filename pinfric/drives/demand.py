@@ -268,7 +268,7 @@ def joint_demand(result: InverseResult, actuator: int, cycle: DriveCycle) -> Joi
     """Return all figures of one drive (see `JointDemand`); arguments as `gear_demand`."""
     t, v, (worst, least) = cycle.stretched, cycle.velocity, cycle.ends
     top = int(np.argmax(np.abs(worst)))
-    rest, hold = cycle.at_rest, cycle.holding
+    still, hold = cycle.at_rest, cycle.holding
     bare = cycle.effort_frictionless
     friction = np.maximum(cycle.effort_upper - bare, bare - cycle.effort_lower)
     return JointDemand(
@@ -279,8 +279,8 @@ def joint_demand(result: InverseResult, actuator: int, cycle: DriveCycle) -> Joi
         rms_least=rms(t, least),
         holding=(largest(least[hold]), largest(worst[hold])) if hold.any() else None,
         holding_frictionless=largest(bare[hold]) if hold.any() else None,
-        breakaway=largest(worst[rest]) if rest.any() else None,
-        breakaway_friction=largest(friction[rest]) if rest.any() else None,
+        breakaway=largest(worst[still]) if still.any() else None,
+        breakaway_friction=largest(friction[still]) if still.any() else None,
         duty=share(t, np.abs(v) > cycle.stick_velocity),
         hold_share=share(t, hold),
         power=_power(t, cycle.effort_lower * v, cycle.effort_upper * v),
@@ -361,7 +361,7 @@ def _power_figures(t: np.ndarray, power: np.ndarray) -> tuple[float, float, floa
     return most, -least, delivered, returned
 
 
-def _power(t: np.ndarray, one: np.ndarray, other: np.ndarray) -> Power:
-    most = power_figures(t, np.maximum(one, other))
-    least = power_figures(t, np.minimum(one, other))
+def _power(t: np.ndarray, product: np.ndarray, other: np.ndarray) -> Power:
+    most = power_figures(t, np.maximum(product, other))
+    least = power_figures(t, np.minimum(product, other))
     return Power(most.driving, least.braking, most.delivered, least.returned)

@@ -531,8 +531,8 @@ def drives_of(catalog: Catalog, linear: bool) -> Iterator[tuple[str, Callable[[]
             continue
         for ratio in gear.ratios:
             for name, motor in catalog.motors.items():
-                made = partial(motor_with_gear, name, motor, gear_name, gear, ratio)
-                yield drive_name(name, gear_name, gear, ratio), made
+                make = partial(motor_with_gear, name, motor, gear_name, gear, ratio)
+                yield drive_name(name, gear_name, gear, ratio), make
     for name, gearmotor in catalog.gearmotors.items():
         if (gearmotor.output == "linear") == linear:
             yield name, partial(gearmotor_drive, name, gearmotor)

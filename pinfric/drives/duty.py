@@ -88,10 +88,10 @@ class Schedule:
         """
         order, times, end = [], [], 0.0
         for k, count in enumerate(self.counts.tolist()):
-            part = np.arange(self.starts[k], self.starts[k + 1])
-            own = t[part] - t[part[0]]
+            samples = np.arange(self.starts[k], self.starts[k + 1])
+            own = t[samples] - t[samples[0]]
             for _ in range(min(count, 1 + int(np.ceil(min(window / own[-1], 1e9))))):
-                order.append(part)
+                order.append(samples)
                 times.append(end + own)
                 end = times[-1][-1] + _JOIN
         return np.concatenate(order), np.concatenate(times)

@@ -51,8 +51,8 @@ def without_drives(scene: Scene, names: Collection[str]) -> Scene:
     if not changed:
         return scene
     friction = {**scene.friction, **changed}
-    left = scene.assumed and guesses_left(scene.assumed, scene.friction, friction)
-    return replace(scene, friction=friction, assumed=left)
+    assumed = scene.assumed and guesses_left(scene.assumed, scene.friction, friction)
+    return replace(scene, friction=friction, assumed=assumed)
 
 
 def sites_of(scene: Scene, names: Collection[str]) -> set[str]:

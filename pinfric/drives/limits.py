@@ -129,9 +129,9 @@ def _warmed(d: Candidates) -> str:
 
 def _heat_formula(d: Candidates) -> str:
     lag = _lag(d)
-    parts = ("",) if len(lag.times) == 1 else tuple(f"{part:.3g} " for part in lag.parts)
+    parts = ("",) if len(lag.times) == 1 else tuple(f"{weight:.3g} " for weight in lag.parts)
     nodes = " + ".join(
-        f"{part}theta(tau = {time:.4g} s)" for time, part in zip(lag.times, parts, strict=True)
+        f"{weight}theta(tau = {time:.4g} s)" for time, weight in zip(lag.times, parts, strict=True)
     )
     return f"sqrt(max({nodes})) <= continuous torque{d.output}; tau theta' + theta = T_m^2, settled"
 
@@ -490,9 +490,9 @@ def _peaks_per_hour(d: Candidates) -> float:
     cycle, above, rises = d.case.cycle, _above_rated(d), 0.0
     runs, starts = cycle.schedule.repeats, cycle.schedule.starts
     parts = [(n, above[starts[k] : starts[k + 1]]) for k, n in enumerate(runs) if n]
-    drops = not all(part[-1] for _, part in parts)
-    for n, part in parts:
-        rises += n * float((part[1:] & ~part[:-1]).sum() + (part[0] and drops))
+    drops = not all(exceeded[-1] for _, exceeded in parts)
+    for n, exceeded in parts:
+        rises += n * float((exceeded[1:] & ~exceeded[:-1]).sum() + (exceeded[0] and drops))
     return rises * 3600 / float(cycle.stretched[-1] - cycle.stretched[0])
 
 

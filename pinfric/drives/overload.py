@@ -50,8 +50,10 @@ def heat_lag(thermal: Thermal | None, whole: float | None, conditions: Condition
         if thermal.housing_time is None:
             return Lag((thermal.winding_time,), (1.0,), source)
         whole_resistance = thermal.winding_housing + thermal.housing_ambient
-        part = thermal.winding_housing / whole_resistance
-        return Lag((thermal.winding_time, thermal.housing_time), (part, 1.0 - part), source)
+        of_winding = thermal.winding_housing / whole_resistance
+        return Lag(
+            (thermal.winding_time, thermal.housing_time), (of_winding, 1.0 - of_winding), source
+        )
     if whole is not None:
         return Lag((whole,), (1.0,), "IEC 60034-1, S3: the motor's thermal time constant")
     text = "pinfric: conditions.thermal_time for a time constant not known"

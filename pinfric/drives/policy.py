@@ -83,11 +83,11 @@ class Collisions(Entry):
     duration: Positive = key("of each", 0.15, "s")
 
 
-def _as_groups(given: Any) -> Any:
+def _as_groups(value: Any) -> Any:
     """Groups of joints; of a text: joints between commas, groups between semicolons."""
-    if not isinstance(given, str):
-        return given
-    groups = (group.split(",") for group in given.split(";"))
+    if not isinstance(value, str):
+        return value
+    groups = (group.split(",") for group in value.split(";"))
     return tuple(tuple(name.strip() for name in group) for group in groups)
 
 
@@ -384,7 +384,7 @@ def lacks(kind: str, *entries: Any) -> tuple[str, ...]:
     return tuple(
         figure
         for figure, keys in NEEDS[kind].items()
-        if all(getattr(one, key, None) is None for one in entries for key in keys.split())
+        if all(getattr(entry, key, None) is None for entry in entries for key in keys.split())
     )
 
 
@@ -407,11 +407,13 @@ def outside(kind: str, conditions: Conditions, rated: float = -np.inf) -> tuple[
     Args:
         kind: of `SURROUNDINGS`. rated: for which this product is rated, deg C.
     """
-    if (given := SURROUNDINGS.get(kind)) is None:
+    if (makers := SURROUNDINGS.get(kind)) is None:
         return ()
-    ambient, high = conditions.ambient, max(given.high, rated)
+    ambient, high = conditions.ambient, max(makers.high, rated)
     if ambient > high:
-        return (f"ratings at {ambient:g} C (makers rate up to {high:g} C: {given.source})",)
-    if ambient < given.low:
-        return (f"ratings at {ambient:g} C (makers rate from {given.low:g} C on: {given.source})",)
+        return (f"ratings at {ambient:g} C (makers rate up to {high:g} C: {makers.source})",)
+    if ambient < makers.low:
+        return (
+            f"ratings at {ambient:g} C (makers rate from {makers.low:g} C on: {makers.source})",
+        )
     return ()

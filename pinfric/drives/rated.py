@@ -75,8 +75,8 @@ class RatedCycle:
         rating = f"rating {self.rated.rating.payload:g} kg"
         if self.duty is None:
             return rating
-        one = len(self.duty.cycles) == 1 and self.duty.on == 1
-        return f"{self.duty.cycles[0][0].source if one else self.duty.source}, {rating}"
+        single = len(self.duty.cycles) == 1 and self.duty.on == 1
+        return f"{self.duty.cycles[0][0].source if single else self.duty.source}, {rating}"
 
     @property
     def own(self) -> np.ndarray:

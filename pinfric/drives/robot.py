@@ -129,9 +129,9 @@ class DrivenRobot:
 
     def solve(self, masses: Masses) -> None:
         """Solve with these masses; changes are added to this solution."""
-        given = {k: m for k, m in masses.items() if m and carried(self.scene, k)}
-        if given != self.last.masses:
-            self.last = _Solved(self, given) if given else self.base
+        carried_masses = {k: m for k, m in masses.items() if m and carried(self.scene, k)}
+        if carried_masses != self.last.masses:
+            self.last = _Solved(self, carried_masses) if carried_masses else self.base
 
     def cycle(self, i: int, means: Schedule | None = None) -> DriveCycle:
         """Return a drive's samples without the mass of any drive; see `case`."""
@@ -152,13 +152,13 @@ class DrivenRobot:
         more = {k: beyond.get(k, 0.0) - there.get(k, 0.0) for k in {**beyond, **there}}
         points = {k: self._point(k) for k, m in more.items() if m}
         cycle = drive_cycle(self.result, i, self.holding, means or self.duty)
-        inertia, rest = self.last.inertia, self.last.rest[:, i]
+        inertia, resting = self.last.inertia, self.last.rest[:, i]
         own = None if inertia is None else inertia[:, i]
         joint, wrench = driven_joint(self.scene, i), None
         for k, point in points.items():
             assert own is not None  # there are points in open chains only
             effort = more[k] * point.effort[:, i] * cycle.powered
-            rest, own = rest + more[k] * point.rest[:, i], own + more[k] * point.inertia[:, i]
+            resting, own = resting + more[k] * point.rest[:, i], own + more[k] * point.inertia[:, i]
             cycle = replace(
                 cycle,
                 effort_lower=cycle.effort_lower + effort,
@@ -176,7 +176,7 @@ class DrivenRobot:
             demand = replace(demand, speed=max(demand.speed, self.rating.top_speed(i)))
             if inertia_max is not None and own is not None:
                 swung = float(own[self.rating.own].max(initial=0.0))
-        still = rest_of(self.scene, i, rest, demand.peak, demand.speed)
+        still = rest_of(self.scene, i, resting, demand.peak, demand.speed)
         return JointCase(demand, cycle, inertia_max, hand, self.conditions, still, swung)
 
     def _point(self, k: int) -> _Point:
@@ -250,12 +250,12 @@ def with_masses(scene: Scene, masses: Masses) -> Scene:
 
 def geared(scene: Scene, gears: Mapping[str, Transmission | None]) -> Sequence[Actuator]:
     """Return the scene's actuators, those of the named drives with other transmissions."""
-    given = scene.actuators
-    if given is None:
-        given = [Actuator(joint=drive.name) for drive in scene.drives]
+    actuators = scene.actuators
+    if actuators is None:
+        actuators = [Actuator(joint=drive.name) for drive in scene.drives]
     return [
         a.model_copy(update={"transmission": gears[a.drive_name]}) if a.drive_name in gears else a
-        for a in given
+        for a in actuators
     ]
 
 
@@ -273,14 +273,14 @@ def equip(scene: Scene, drives: Mapping[int, Candidate], conditions: Conditions)
     names = scene.actuator_names
     bare = without_drives(scene, [names[i] for i in drives])
     heavier = with_masses(
-        bare, added_masses(bare, conditions, {i: one.mass for i, one in drives.items()})
+        bare, added_masses(bare, conditions, {i: drive.mass for i, drive in drives.items()})
     )
-    gears = {names[i]: one.transmission for i, one in drives.items()}
+    gears = {names[i]: drive.transmission for i, drive in drives.items()}
     words = {True: "with_drives", False: "without_drives"}
     held = {
         n: words[hold] for n, hold in zip(names, scene.masses_hold, strict=True) if hold is not None
     }
-    held |= {names[i]: "with_drives" for i, one in drives.items() if one.mass is not None}
+    held |= {names[i]: "with_drives" for i, drive in drives.items() if drive.mass is not None}
     return replace(heavier, actuators=geared(heavier, gears), masses=held or scene.masses)
 
 

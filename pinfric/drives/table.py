@@ -255,8 +255,8 @@ def _entry(
             value = _figure(text, given.unit, unit, mark) if unit else text
         except CatalogError as problem:
             problems.append(f"{figure}: {problem}")
-        part, _, key = figure.rpartition(".")
-        (entry.setdefault(part, {}) if part else entry)[key] = value
+        nested, _, key = figure.rpartition(".")
+        (entry.setdefault(nested, {}) if nested else entry)[key] = value
     try:
         made = parse(kind, {k: v for k, v in entry.items() if v is not None}, "")
     except PinfricError as problem:
@@ -270,8 +270,8 @@ def _understood(
     """See `ImportedTable.first`."""
     understood = []
     for figure, given in cells.items():
-        part, _, key = figure.rpartition(".")
-        value = (entry.get(part, {}) if part else entry).get(key)
+        nested, _, key = figure.rpartition(".")
+        value = (entry.get(nested, {}) if nested else entry).get(key)
         shown = f"{value:.4g}" if isinstance(value, float) else ""
         cell, number = row[given.column], _NUMBER.fullmatch(row[given.column])
         if given.unit and (number is None or not number[2]):  # a cell's own unit goes before it

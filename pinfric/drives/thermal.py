@@ -135,8 +135,8 @@ def no_load_heat(
         return 0.0
     hot = resistance * (1 + COPPER * (thermal.max_winding - REFERENCE_TEMPERATURE))
     by_copper = (thermal.winding_housing + thermal.housing_ambient) * hot * current**2
-    left = thermal.max_winding - ambient - by_copper
-    return max(left, 0.0) / thermal.housing_ambient / speed
+    by_turning = thermal.max_winding - ambient - by_copper
+    return max(by_turning, 0.0) / thermal.housing_ambient / speed
 
 
 def mean_square(x: np.ndarray) -> np.ndarray:

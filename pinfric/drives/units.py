@@ -120,9 +120,9 @@ def cells_of(entry: type[Entry]) -> dict[str, str]:
     cells: dict[str, str] = {}
     for name, field in entry.model_fields.items():
         kinds = list(_kinds(field.annotation))
-        for part in kinds:
-            if isinstance(part, type) and issubclass(part, Entry):
-                inner = cells_of(part).items()
+        for kind in kinds:
+            if isinstance(kind, type) and issubclass(kind, Entry):
+                inner = cells_of(kind).items()
                 cells |= {f"{name}.{key}": unit for key, unit in inner if "." not in key}
         if float in kinds or str in kinds:
             extra = field.json_schema_extra

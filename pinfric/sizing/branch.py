@@ -36,8 +36,8 @@ class SwingingArm:
         self, masses: np.ndarray, stiffness: np.ndarray, poses: list[int] | None = None
     ) -> np.ndarray:
         """Return (P,) lambda_max of a set of drives, s^2."""
-        part = slice(None) if poses is None else poses
-        M = self.still[part] + np.einsum("k,kpij->pij", masses, self.per_mass[:, part])
+        looked_at = slice(None) if poses is None else poses
+        M = self.still[looked_at] + np.einsum("k,kpij->pij", masses, self.per_mass[:, looked_at])
         root = stiffness**-0.5
         return np.linalg.eigvalsh(M * root[:, None] * root)[:, -1]
 
@@ -71,12 +71,12 @@ def stiff_enough(
     least = np.array([front[:, 0].min() for front in table])
     added = np.array([front[:, 2].min() for front in table])
     stiffest = np.array([front[:, 1].max() for front in table])
-    rest = np.append(np.cumsum(least[::-1])[::-1], 0.0)
+    lightest = np.append(np.cumsum(least[::-1])[::-1], 0.0)
     best, chosen, looked = np.inf, None, 0
 
     def look(k: int, picked: list[int], mass: float) -> None:
         nonlocal best, chosen, looked
-        if mass + rest[k] >= best:
+        if mass + lightest[k] >= best:
             return
         looked += 1
         masses = np.array([table[j][p, 2] for j, p in enumerate(picked)] + list(added[k:]))

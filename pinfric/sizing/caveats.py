@@ -32,9 +32,9 @@ def unclosed(result: InverseResult, duty: Schedule) -> tuple[str, ...]:
     velocity): a log closes no better.
     """
     gaps = []
-    for name, part in duty.parts():
+    for name, samples in duty.parts():
         where = f"{name}: " if len(duty.names) > 1 else ""
-        gaps += [where + gap for gap in _gaps(result.scene, result.states.part(part))]
+        gaps += [where + gap for gap in _gaps(result.scene, result.states.part(samples))]
     return tuple(gaps)
 
 
@@ -42,8 +42,9 @@ def discontinuities(result: InverseResult, duty: Schedule) -> tuple[str, ...]:
     """Return in words the cycles of a period that do not begin where the one before ends."""
     return tuple(
         f"{duty.names[k]} does not begin where {duty.names[k - 1]} ends"
-        for k, (_, part) in enumerate(duty.parts())
-        if k and _gaps(result.scene, result.states.part(slice(part.start - 1, part.start + 1)))
+        for k, (_, samples) in enumerate(duty.parts())
+        if k
+        and _gaps(result.scene, result.states.part(slice(samples.start - 1, samples.start + 1)))
     )
 
 
@@ -53,13 +54,13 @@ def _gaps(scene: Scene, states: States) -> list[str]:
     some = states.q[:: len(states.q) // _LOOKED_AT + 1]
     ways = np.array([pin.difference(scene.model, states.q[0], q) for q in some])
     for joint, name in zip(list(scene.model.joints)[1:], scene.joint_names, strict=True):
-        part = slice(joint.idx_v, joint.idx_v + joint.nv)
+        columns = slice(joint.idx_v, joint.idx_v + joint.nv)
         slides = joint.shortname().startswith("JointModelP")  # a planar joint: m and rad
         unit = "m" if slides else "rad"
-        speed = np.linalg.norm(states.v[:, part], axis=1)
-        gap = float(np.linalg.norm(away[part]))
-        jump = float(np.linalg.norm(states.v[-1, part] - states.v[0, part]))
-        if gap > max(_CLOSES * float(np.linalg.norm(ways[:, part], axis=1).max()), 1e-4):
+        speed = np.linalg.norm(states.v[:, columns], axis=1)
+        gap = float(np.linalg.norm(away[columns]))
+        jump = float(np.linalg.norm(states.v[-1, columns] - states.v[0, columns]))
+        if gap > max(_CLOSES * float(np.linalg.norm(ways[:, columns], axis=1).max()), 1e-4):
             gaps.append(f"{name} ends {gap:.3g} {unit} from where it began")
         if jump > max(_CLOSES * float(speed.max()), scene.stick_velocity):
             gaps.append(f"{name} ends with a velocity {jump:.3g} {unit}/s from that at its start")

@@ -118,17 +118,17 @@ class Task:
     def one_cycle(self, scene: Scene, robot: DrivenRobot) -> Trajectory:
         """Return the cycles without a rating, or a rating alone, as a motion of a scene."""
         states, rating = robot.result.states, robot.rating
-        part = rating.own if rating is not None and rating.cycles else slice(None)
+        samples = rating.own if rating is not None and rating.cycles else slice(None)
         carried = states.attached
         attached = (
-            {} if carried is None else dict(zip(scene.payloads, carried[part].T, strict=True))
+            {} if carried is None else dict(zip(scene.payloads, carried[samples].T, strict=True))
         )
         return Trajectory.from_arrays(
             scene,
-            robot.result.times[part],
-            states.q[part],
-            states.v[part],
-            states.a[part],
+            robot.result.times[samples],
+            states.q[samples],
+            states.v[samples],
+            states.a[samples],
             attached,
             source=str(getattr(robot.motion, "source", "motion")),
         )
@@ -166,8 +166,8 @@ def task_of(
         raise SizingError("give a cycle, or a rating: rating={'payload': 10} (kg)")
     else:
         motion = trajectory
-    every = [drive.name for drive in scene.drives] if catalog is not None else ()
-    given, scene = scene, without_drives(scene, every)
+    drives = [drive.name for drive in scene.drives] if catalog is not None else ()
+    given, scene = scene, without_drives(scene, drives)
     # 2. The robot in each of its mountings
     robots = {"": DrivenRobot(scene, motion, duty, conditions, rating)}
     if conditions.mounting == "any":
@@ -342,14 +342,14 @@ def _stop_peaks(
     all brakes close at once.
     """
     stops, chosen = task.scene.stops, dict[int, Candidate]()
-    for i, made in ((i, a.candidate) for i, a in taken.items()):
-        if (gear := made.transmission) is not None and gear.brake and made.brake_entry:
+    for i, candidate in ((i, a.candidate) for i, a in taken.items()):
+        if (gear := candidate.transmission) is not None and gear.brake and candidate.brake_entry:
             brake = gear.brake.model_copy(update={} if stops else {"engage_time": None})
-            low, high = made.brake_entry.inertia_ends
+            low, high = candidate.brake_entry.inertia_ends
             inertia = gear.rotor_inertia - (high - low)
             gear = gear.model_copy(update={"rotor_inertia": inertia, "brake": brake})
-            made = replace(made, transmission=gear)
-        chosen[i] = made
+            candidate = replace(candidate, transmission=gear)
+        chosen[i] = candidate
     scene = equip(task.scene, chosen, task.conditions)
     powers, most = list[InverseResult](), np.zeros(len(scene.drives))
     for words, robot in task.robots.items():
@@ -442,10 +442,10 @@ def cases(
     }
     if len(task.robots) > 1:
         rests = [case.rest for case in of_joint.values() if case.rest is not None]
-        loads = [np.abs(rest.load) for rest in rests]
+        loads = [np.abs(demand.load) for demand in rests]
         alike = len({len(load) for load in loads}) == 1
         most = np.max(loads, axis=0) if alike else max(load.max() for load in loads)
-        peak = max(rest.peak for rest in rests)
+        peak = max(demand.peak for demand in rests)
         of_joint = {
             key: case._replace(
                 rest=case.rest and case.rest._replace(load=most + 0.0 * case.rest.load, peak=peak)
@@ -463,11 +463,11 @@ def _ban(
     taken: Mapping[int, Assessment],
 ) -> Demanded:
     """Ban the lightest alternating drive at the outermost joint where a choice comes back."""
-    now, before = _names(taken), [_names(one) for one in seen]
+    names, before = _names(taken), [_names(choice) for choice in seen]
     seen.append(dict(taken))
-    if len(before) >= _PATIENCE and now in before[:-1]:
+    if len(before) >= _PATIENCE and names in before[:-1]:
         for i in tip_to_base(task.scene):
-            alternating = [one.get(i) for one in seen[before.index(now) :]]
+            alternating = [choice.get(i) for choice in seen[before.index(names) :]]
             mass = {a.name: a.mass or 0.0 for a in alternating if a is not None}
             if len(mass) + (None in alternating) > 1:
                 banned = demanded.banned.get(i, frozenset()) | {min(mass, key=mass.__getitem__)}
@@ -559,7 +559,7 @@ def light_enough(task: Task, choice: DriveChoice) -> tuple[DriveChoice, str] | N
     Each drive weighs at most the least of links' mass per drive; it may be provisional.
     """
     each = held_drives(task.scene, dict.fromkeys(choice.taken, 1.0), task.conditions.mass_in_urdf)
-    most = min(one.links / one.drives for one in each if one.drives)
+    most = min(held.links / held.drives for held in each if held.drives)
     light = bearing_stops(task, replace(choice.demanded, efforts={}, most=most))
     fit = light.taken.keys() == choice.taken.keys()
     fit = fit and all(a.fits or a.would for a in light.taken.values())

@@ -559,31 +559,31 @@ class DriveSearch:
             by_group.append(options)
         return by_group
 
-    def _stop(self, made: Candidate, inertia: float) -> Stop | None:
+    def _stop(self, candidate: Candidate, inertia: float) -> Stop | None:
         """The hardest stop by a brake at a drive's shaft; None: the load's inertia is not known.
 
         `inertia`: of rotor and gear input, kg m^2.
         """
-        load, rest = self.case.load_inertia, self.case.rest
-        if load is None or rest is None:
+        load, demand = self.case.load_inertia, self.case.rest
+        if load is None or demand is None:
             return None
-        speed = np.abs(made.ratio * self.case.cycle.velocity)
-        at_shaft = np.full(len(speed), load / made.ratio**2 + inertia)
-        within = rest.within(self.case.conditions)
-        return Stop(at_shaft, speed, np.abs(rest.load / made.ratio), within)
+        speed = np.abs(candidate.ratio * self.case.cycle.velocity)
+        at_shaft = np.full(len(speed), load / candidate.ratio**2 + inertia)
+        within = demand.within(self.case.conditions)
+        return Stop(at_shaft, speed, np.abs(demand.load / candidate.ratio), within)
 
     def holding_torque(self, drive_: Candidate) -> float | None:
         """Return what a brake at the shaft must hold, N m; None where none is needed.
 
         brake_factor max |load|/ratio at rest, friction left out (`brake.RestDemand`).
         """
-        rest, conditions, gear = self.case.rest, self.case.conditions, drive_.transmission
-        if rest is None or (drive_.linear and drive_.at_output):
+        demand, conditions, gear = self.case.rest, self.case.conditions, drive_.transmission
+        if demand is None or (drive_.linear and drive_.at_output):
             return None  # a linear motor has no shaft
         locks = gear is not None and driven_efficiency(gear) <= 0
-        if not rest.why_brake(conditions, locks):
+        if not demand.why_brake(conditions, locks):
             return None
-        return rest.reserve(conditions) * largest(rest.load) / abs(drive_.ratio)
+        return demand.reserve(conditions) * largest(demand.load) / abs(drive_.ratio)
 
     def margins(self, b: int, gears: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return (n, nm) upper bounds of some gears' margins with every motor, and their masses."""
@@ -666,9 +666,9 @@ class DriveSearch:
         gears: list[tuple[float, int, int]] = []
         for b, group in enumerate(self.arrays.groups):
             mass = np.where(group.fits & group.signable, group.mass, np.nan)
-            left = np.isfinite(mass).any(axis=1) & (self.gear_margins[b] >= 0)
+            passing = np.isfinite(mass).any(axis=1) & (self.gear_margins[b] >= 0)
             known = self._complete[b]
-            gears += [(float(np.nanmin(mass[g])), b, g) for g in known[left[known]].tolist()]
+            gears += [(float(np.nanmin(mass[g])), b, g) for g in known[passing[known]].tolist()]
         gears.sort()
         ready: list[tuple[float, float, str, int, int, int, Iterator[Any]]] = []
         for k, (_, b, g) in enumerate(gears):
@@ -700,9 +700,9 @@ class DriveSearch:
         k = 0
         while True:
             if k == len(self._found):
-                if (one := next(self._source, None)) is None:
+                if (offer := next(self._source, None)) is None:
                     return
-                self._found.append(one)
+                self._found.append(offer)
             yield self._found[k]
             k += 1
 
@@ -710,27 +710,27 @@ class DriveSearch:
         """Return one drive of the arrays, judged exactly."""
         if (b, g, m) not in self._judged:
             group = self.arrays.groups[b]
-            made = replace(group.make(g, m), **self.parts.own)
+            candidate = replace(group.make(g, m), **self.parts.own)
             missing = (*self.gear_lacks(group, g), *group.motor_lacks[m])
-            row = self._row(b, g) if made.transmission is not None else None
-            own = self.assess(made, missing, row)
-            every = (own, *(search.judge(b, g, m) for search in self.beside))
-            self._judged[b, g, m] = min(every, key=lambda a: (a.fits, a.margin))
+            row = self._row(b, g) if candidate.transmission is not None else None
+            own = self.assess(candidate, missing, row)
+            judged = (own, *(search.judge(b, g, m) for search in self.beside))
+            self._judged[b, g, m] = min(judged, key=lambda a: (a.fits, a.margin))
         return self._judged[b, g, m]
 
     def assess(
-        self, made: Candidate, missing: tuple[str, ...] = (), row: _GearAtJoint | None = None
+        self, candidate: Candidate, missing: tuple[str, ...] = (), row: _GearAtJoint | None = None
     ) -> Assessment:
         """Return a drive judged exactly, with the brake that it needs."""
-        motor, needed = None, self.holding_torque(made)
-        if (gear := made.transmission) is not None:
-            ends = row.ends if row else input_torques(made, self.case.cycle)
+        motor, needed = None, self.holding_torque(candidate)
+        if (gear := candidate.transmission) is not None:
+            ends = row.ends if row else input_torques(candidate, self.case.cycle)
             if needed is not None:
-                brakes = self.arrays.brakes_for(made.motor, made.integrated)
-                name = smallest_brake(brakes, needed, self._stop(made, gear.rotor_inertia))
-                made = made if name is None else with_brake(made, name, brakes[name])
-            motor = motor_cycle(made, self.case.cycle, self.case.conditions, ends)
-        return Assessment(read_drive(made, motor, self.case), missing)
+                brakes = self.arrays.brakes_for(candidate.motor, candidate.integrated)
+                name = smallest_brake(brakes, needed, self._stop(candidate, gear.rotor_inertia))
+                candidate = candidate if name is None else with_brake(candidate, name, brakes[name])
+            motor = motor_cycle(candidate, self.case.cycle, self.case.conditions, ends)
+        return Assessment(read_drive(candidate, motor, self.case), missing)
 
     def lightest(self) -> Assessment | None:
         """Return the first drive that fits, by `rank`."""

@@ -256,7 +256,7 @@ class SizingReport(Shown):
     def drives(self) -> tuple[Candidate | None, ...]:
         """The drives in the model, in the order of `joints`; None where there is none."""
         taken = (joint.installed for joint in self.joints)
-        return tuple(None if one is None else one.candidate for one in taken)
+        return tuple(None if assessment is None else assessment.candidate for assessment in taken)
 
     @property
     def drive_mass(self) -> float:
@@ -273,8 +273,8 @@ class SizingReport(Shown):
             still = () if self.catalog is None else self.standstills[k].criteria
             stop = () if stops is None else stops[k].criteria
             named = (replace(c, name=f"stop: {c.name}") for c in stop)
-            rest = (*named, *_open_stop(self, k), *_shared(self, k))
-            by_joint.append((*own, *still, *self.reversals[k : k + 1], *rest))
+            others = (*named, *_open_stop(self, k), *_shared(self, k))
+            by_joint.append((*own, *still, *self.reversals[k : k + 1], *others))
         return tuple(by_joint)
 
     @cached_property
@@ -292,7 +292,7 @@ class SizingReport(Shown):
         held = held_drives(self.given, masses, self.conditions.mass_in_urdf)
         heavy = doubted_masses(held)
         beyond = any(
-            one.share > 1.0 for one in held
+            branch.share > 1.0 for branch in held
         )  # larger gears for the stops may be the last ones
         impossible = (self.contradiction, heavy * beyond, "" if possible else weighs)
         doubted = any(impossible)

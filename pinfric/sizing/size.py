@@ -271,8 +271,8 @@ def _by_mounting(
     for (_, mounting), case in of_joint.items() if len(task.robots) > 1 else ():
         words = mounting or file_name(task.scene.source)
         before, worst = largest.get(words, (0.0, 0.0)), case.cycle.ends[0]
-        now = rms(case.cycle.stretched, worst), float(np.abs(worst).max())
-        largest[words] = max(before[0], now[0]), max(before[1], now[1])
+        figures = rms(case.cycle.stretched, worst), float(np.abs(worst).max())
+        largest[words] = max(before[0], figures[0]), max(before[1], figures[1])
     return largest
 
 
