@@ -7,7 +7,7 @@ import io
 from collections.abc import Iterator
 
 from pinfric.drives.brake import Standstill
-from pinfric.drives.catalog import Catalog, Sourced
+from pinfric.drives.catalog import Catalog, Motor, Sourced
 from pinfric.drives.policy import KIT
 from pinfric.sizing.report import JointSizing, SizingReport
 from pinfric.sizing.verdict import JointState
@@ -81,14 +81,13 @@ def _parts(
     if joint.choice is None:
         return
     drive = joint.choice.candidate
-    if drive.gear_name is None:
-        yield drive.motor, catalog.gearmotors[drive.motor]
-    else:
-        motor, gear = catalog.motors[drive.motor], catalog.gears[drive.gear_name]
-        yield drive.motor, motor
+    motor, gear = drive.entry, drive.gear
+    yield drive.motor, motor
+    if gear is not None:
         ratio = f", i = {drive.ratio:g}" if len(gear.ratios) > 1 else ""
-        yield drive.gear_name + ratio, gear
-        if motor.frameless and motor.mass is not None and gear.mass is not None:
+        yield f"{drive.gear_name}{ratio}", gear
+        kit = isinstance(motor, Motor) and motor.frameless
+        if kit and motor.mass is not None and gear.mass is not None:
             yield f"housing, shaft, bearings: {drive.name}", KIT * (motor.mass + gear.mass)
     if still.brake and still.fitted:
         yield still.brake, catalog.brakes[still.brake]
