@@ -254,7 +254,7 @@ def guide_load(
 def _along(
     result: InverseResult, row: int, wrench: np.ndarray | None
 ) -> tuple[np.ndarray, np.ndarray] | None:
-    """Force and moment (T, 3) of a joint, the third component along its axis; None: not known."""
+    """Force and moment (T, 3) of a joint, z along its axis; None: not known."""
     scene = result.scene
     column = next((s for s, site in enumerate(scene.sites) if site.joint == row), None)
     if wrench is not None:

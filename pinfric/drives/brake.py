@@ -387,7 +387,7 @@ def _torque(
     needed: bool,
     chosen: bool,
 ) -> Criterion:
-    """`needed`: the conditions ask for a brake. `chosen`: the drive is, with or without one."""
+    """`needed`: the conditions ask for a brake. `chosen`: the drive is."""
     rest, conditions = given
     said = stated(conditions, "brake_factor", *["holding_brake"] * needed)
     factor = f"{rest.reserve(conditions):g}"

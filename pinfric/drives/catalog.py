@@ -719,8 +719,7 @@ class Brake(HoldingBrake, Sourced):
         """Return whether it is sold alone or in this motor, or nothing is said.
 
         Args:
-            motor: its name, or that of a gearmotor (`integrated`), which has no shaft for a brake
-                that is sold alone.
+            motor: its name, or that of a gearmotor (`integrated`), whose shaft is not accessible.
         """
         if self.sold == "alone":
             return not integrated
@@ -818,8 +817,7 @@ class Catalog:
 
     Attributes:
         source: the file, or "default" for the bundled ones.
-        conditions: what the file demands of the drives.
-        replaced: entries of the file that stand in place of bundled ones, in words.
+        replaced: entries that stand in place of bundled ones, in words.
         files: that it was read from; of the bundled entries their folder.
     """
 

@@ -73,7 +73,7 @@ def _bundled_doubts() -> tuple[tuple[str, str], ...]:
 
 
 def _of_folder(folder: Path) -> tuple[CatalogFile, ...]:
-    """The catalogues of a folder, tables after files; an entry has the same figures in all."""
+    """The catalogues of a folder, tables after files, with the same figures for every entry."""
     tables = sorted(folder.glob("*.csv"))
     mappings = {mapping_of(table) for table in tables}
     own = [path for path in sorted(folder.glob("*.yaml")) if path not in mappings]

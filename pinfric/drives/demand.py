@@ -122,7 +122,7 @@ class DriveCycle:
         at_rest: (T,) it stands still, or reverses beside the sample.
         holding: (T,) all joints stand still.
         stick_velocity: at or below this speed it stands still.
-        duty: which samples are which cycle of a period; None: they are one cycle.
+        duty: the cycles of a period; None: one cycle.
     """
 
     t: np.ndarray
@@ -178,7 +178,7 @@ def drive_cycle(
 
     Args:
         actuator: its column. holding: (T,) of `hold_samples`.
-        duty: which samples are which cycle; None: they are one.
+        duty: the cycles of a period; None: one cycle.
 
     Raises:
         StateError: the result has no times, or one sample.

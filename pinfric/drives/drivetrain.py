@@ -446,7 +446,7 @@ class Candidate:
 
 
 def _sum(a: float | None, b: float | None, factor: float = 1.0) -> float | None:
-    """A sum of figures; None where one is not known."""
+    """None where one is not known."""
     return None if a is None or b is None else (a + b) * factor
 
 

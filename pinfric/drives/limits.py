@@ -83,7 +83,6 @@ def _of_motor(words: str) -> Callable[[Candidates], str]:
 
 
 def _derived(figure: str) -> Callable[[Candidates], str]:
-    """Say how a figure follows from others."""
     return lambda d: "; ".join(text for of, text in d.ratings.derived if of == figure)
 
 
@@ -423,7 +422,7 @@ def _shock_note(d: Candidates) -> str:
 
 
 def _by_rule(d: Candidates) -> bool:
-    """Whether the number of momentary peaks follows from the maker's rule, not from a figure."""
+    """Whether the number of momentary peaks follows from the maker's rule."""
     return np.isnan(d.gear.momentary_peaks) and d.entry.kind == "strain wave"
 
 
@@ -486,7 +485,7 @@ def _peak_turns(d: Candidates) -> float:
 
 
 def _peaks_per_hour(d: Candidates) -> float:
-    """How often an hour the nominal torque is exceeded; a cycle that begins so follows another."""
+    """How often an hour the nominal torque is exceeded."""
     cycle, above, rises = d.case.cycle, _above_rated(d), 0.0
     runs, starts = cycle.schedule.repeats, cycle.schedule.starts
     parts = [(n, above[starts[k] : starts[k + 1]]) for k, n in enumerate(runs) if n]
@@ -633,7 +632,7 @@ def _turning(d: Candidates) -> bool:
 
 
 def _on_nut(d: Candidates) -> bool:
-    """Whether a joint slides by a screw's nut that is rated as a bearing."""
+    """Whether a nut that is rated as a bearing carries the joint."""
     return d.linear and _screw(d) and d.entry.nut is None
 
 
@@ -758,7 +757,7 @@ BEARING_LIMITS = [
 
 
 def _only_rated(d: Candidates) -> bool:
-    """Whether there is only a rating's postures, of which no frequencies are demanded."""
+    """Whether there are only a rating's postures, of which no frequencies are demanded."""
     return d.case.swung == 0.0
 
 

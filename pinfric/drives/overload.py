@@ -76,7 +76,7 @@ def settled_heat(t: np.ndarray, x: np.ndarray, lag: Lag, duty: Schedule | None =
     Args:
         t: (T,) increasing, s; the last sample is the first of the next repetition.
         x: (T,), of the unit of the result.
-        duty: which samples are which cycle of a period; None: they are one.
+        duty: the cycles of a period; None: one cycle.
     """
     largest = float(np.abs(x).max())
     if len(t) == 1 or not largest > 0:  # also NaN
@@ -102,7 +102,7 @@ def longest_above(
     Args:
         t: (T,) increasing, s. x: (T,), its magnitude linear between samples. limit: of |x|.
         where: (T,) only between two samples that are both in this mask.
-        duty: which samples are which cycle of a period; None: they are one.
+        duty: the cycles of a period; None: one cycle.
     """
     if not (np.abs(x[where]) > limit).any():
         return 0.0

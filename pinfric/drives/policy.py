@@ -84,7 +84,7 @@ class Collisions(Entry):
 
 
 def _as_groups(value: Any) -> Any:
-    """Groups of joints; of a text: joints between commas, groups between semicolons."""
+    """Groups of joints; in a text joints end with commas, groups with semicolons."""
     if not isinstance(value, str):
         return value
     groups = (group.split(",") for group in value.split(";"))
@@ -292,7 +292,6 @@ def _stated(name: str, given: Any) -> str:
 
 
 def _short(value: float | str) -> str:
-    """Return a number with few digits, or a word."""
     return value if isinstance(value, str) else f"{value:g}"
 
 

@@ -234,7 +234,7 @@ def _supply(peak: float, conditions: Conditions, at_least: bool) -> Criterion:
 
 
 def _burst(t: np.ndarray, power: np.ndarray, duty: Schedule) -> float:
-    """The most energy (J) that flows back without a break, also from one cycle into the next."""
+    """The most energy (J) that flows back without a break, across cycles too."""
     order, times = duty.played(t, 1e-9)  # each cycle into itself, if it is run again
     order = np.concatenate([order, order])  # a period into the next
     times = np.concatenate([times, times[-1] + times])

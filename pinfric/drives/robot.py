@@ -60,8 +60,6 @@ class _Point:
 
 
 class _Solved:
-    """The exact solution with some masses."""
-
     def __init__(self, robot: DrivenRobot, masses: Masses) -> None:
         self.masses = dict(masses)
         self.scene = with_masses(robot.scene, masses)

@@ -64,7 +64,7 @@ def winding_cycle(
         resistance: ohm at 25 C.
         thermal: with both time constants.
         ambient: deg C.
-        duty: which samples are which cycle of a period; None: they are one.
+        duty: the cycles of a period; None: one cycle.
         no_load: (T,) P_0, W; None: nothing.
 
     Raises:
@@ -165,7 +165,7 @@ def _maps(
     capacity: np.ndarray,
     conductance: np.ndarray,
 ) -> np.ndarray:
-    """Return (T-1, 6) what each interval does to the rises above ambient: Phi by rows, then g."""
+    """Return (T-1, 6) of each interval the map of rises above ambient: Phi by rows, then g."""
     maps = np.empty((step.size, 6))
     for k in range(step.size):
         a00 = (copper * heat[k] - conductance[0]) / capacity[0]

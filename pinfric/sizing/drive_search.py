@@ -230,12 +230,10 @@ class _Group:
 
     @property
     def at_output(self) -> bool:
-        """Whether they are gearmotors."""
         return self.drives.at_output
 
     @cached_property
     def signable(self) -> np.ndarray:
-        """(nm,) motors of which every figure is known."""
         return np.array([not lacking for lacking in self.motor_lacks])
 
     @cached_property
@@ -497,7 +495,7 @@ class DriveSearch:
         return tuple(figures)
 
     def _of_gears(self, group: _Group) -> np.ndarray:
-        """(ng,) the least margin of the rows of gears alone; infinite where none is known."""
+        """(ng,) the least margin of the rows of gears; infinite: none is known."""
         d = replace(group.drives, case=self.case)
         least = np.full((len(group.names), 1), np.inf)
         for limit in LIMITS:
@@ -506,7 +504,7 @@ class DriveSearch:
         return least[:, 0]
 
     def _of_entry(self, bare: Candidate) -> float:
-        """The least margin of the rows that read a gear's entry; infinite where none is known."""
+        """The least margin of the rows of a gear's entry; infinite: none is known."""
         d = read_drive(bare, None, self.case)
         margins = (limit.margin(d) for limit in LIMITS if limit.stage == "entry")
         return min((float(x) for x in margins if not np.isnan(x)), default=np.inf)

@@ -463,7 +463,7 @@ def _open_stop(report: SizingReport, k: int) -> list[Criterion]:
 
 
 def _shared(report: SizingReport, k: int) -> list[Criterion]:
-    """Whether a joint has the drive of its group, where it is of one."""
+    """Whether a joint has the drive of its group."""
     names, mine = [joint.name for joint in report.joints], report.joints[k].name
     judged = []
     for group in report.conditions.same_drive:
@@ -478,7 +478,7 @@ def _shared(report: SizingReport, k: int) -> list[Criterion]:
 
 
 def _of_joint(joint: JointSizing, criteria: tuple[Criterion, ...], doubted: bool) -> JointVerdict:
-    """`doubted`: the scene's masses cannot be, so that nothing can be signed."""
+    """`doubted`: by the scene's masses nothing can be signed."""
     ended = () if joint.unloaded else (Status.PASSES, Status.FAILS)
     judged = (c for c in criteria if c.status in ended and c.scaled)
     tightest = min(judged, key=lambda c: c.margin or 0.0, default=None)

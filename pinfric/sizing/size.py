@@ -208,7 +208,6 @@ def _other_mass(task: Task, choice: DriveChoice) -> float | None:
 
 
 def _stopped(task: Task, report: SizingReport) -> tuple[StopResult | None, str]:
-    """The stops with the chosen drives and brakes, or why there are none."""
     if task.scene.stops is None or task.catalog is None or any(j.no_fit for j in report.joints):
         return None, ""
     if not task.stops_once:
@@ -266,7 +265,7 @@ def _joint(task: Task, choice: DriveChoice, i: int) -> JointSizing:
 def _by_mounting(
     task: Task, of_joint: Mapping[tuple[str, str], JointCase]
 ) -> dict[str, tuple[float, float]]:
-    """RMS and peak effort of a joint in each mounting; empty: there is one."""
+    """RMS and peak effort of a joint in each of several mountings."""
     largest: dict[str, tuple[float, float]] = {}
     for (_, mounting), case in of_joint.items() if len(task.robots) > 1 else ():
         words = mounting or file_name(task.scene.source)
@@ -277,7 +276,7 @@ def _by_mounting(
 
 
 def _no_candidates(task: Task, i: int) -> str:
-    """Why there are no candidates; empty without a catalogue, or where none is asked for."""
+    """Why there are no candidates; empty where none is asked for."""
     catalog = task.catalog
     if catalog is None or task.is_unloaded(i):
         return ""

@@ -189,7 +189,6 @@ def _of_effort(search: StopSearch, drive: int, peak: float, braking: float) -> I
 
 
 def _of_place(search: StopSearch, drive: int) -> Iterator[Criterion]:
-    """Whether a joint stays within its limits."""
     if not search.limited[drive]:
         return
     cycle, worst = search.cycle, search.nearest(drive)

@@ -182,12 +182,11 @@ class _Rows(NamedTuple):
         return _Rows(*(x[:n] for x in self))
 
     def held(self, time: float) -> _Rows:
-        """Return the last sample, at rest, after so long a time (s)."""
+        """Return the last sample again, after a time (s)."""
         return _Rows(self.t[-1:] + time, *(x[-1:] for x in self[1:]))
 
 
 def _in_a_row(parts: Sequence[Motion], begin: float) -> list[_Rows]:
-    """The samples of simulations one after another from a time (s)."""
     rows = []
     for part in parts:
         rate = working_rates(part.scene, part.q, part.v)[0]
@@ -210,7 +209,6 @@ def _ramps(machine: BrakedMachine, q: np.ndarray, v: np.ndarray) -> Slowed:
 
 
 def _imposed(machine: BrakedMachine, given: Slowed) -> _Rows:
-    """A motion that the drives impose, with the efforts that it takes."""
     attached = np.tile([n in machine.carried for n in machine.scene.payloads], (len(given.t), 1))
     with warnings.catch_warnings():  # a slow stop goes far beyond the limits: these are no degrees
         warnings.filterwarnings("ignore", "q: joint .* in degrees", PinfricWarning)
