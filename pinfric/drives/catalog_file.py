@@ -28,8 +28,9 @@ _SECTIONS = ("motors", "gears", "belts", "gearmotors", "bearings", "brakes", "am
 def load_catalog(name: str | Path = DEFAULT) -> Catalog:
     """Read a catalogue: a YAML file, a folder, or "default" for the bundled one.
 
-    Entries of a file with `extends: default` go before bundled ones of the same name. Of a folder
-    all catalogues (YAML) and tables (CSV, each with its mapping beside it) are one.
+    A file with `extends: default` has the bundled entries, too: its own replace those of the same
+    name. Of a folder all catalogues (YAML) and tables (CSV, each with its mapping beside it) are
+    one.
 
     Raises:
         CatalogError: it cannot be read, has unknown keys or figures that cannot be.

@@ -34,7 +34,7 @@ class Held(NamedTuple):
 
     @property
     def share(self) -> float:
-        """Of the links' mass."""
+        """Of the drives in the links' mass."""
         if self.drives == 0.0:
             return 0.0
         return self.drives / self.links if self.links > 0.0 else np.inf

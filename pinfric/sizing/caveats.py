@@ -28,8 +28,8 @@ _PAYLOAD = "payload "
 def unclosed(result: InverseResult, duty: Schedule) -> tuple[str, ...]:
     """Return in words how a cycle's end differs from its start; empty if it closes.
 
-    Allowed are 0.1 % of a joint's travel (1e-4 rad or m) and of its largest velocity (the stick
-    velocity): a log closes no better.
+    Allowed are 0.1 % of a joint's travel, at least 1e-4 rad or m, and of its largest velocity, at
+    least the stick velocity: a log closes no better.
     """
     gaps = []
     for name, samples in duty.parts():
