@@ -123,7 +123,7 @@ def _warn_of_full_springs(scene: Scene, target: Target) -> None:
         if actuator.drive_name not in target.names or gear is None or entry is None:
             continue
         lost, coulomb = gear.no_load_torque, entry.coulomb
-        assert isinstance(coulomb, CoulombFriction)  # `_check_split`
+        assert isinstance(coulomb, CoulombFriction)  # `_matches`
         there = lost.static if isinstance(lost, CoulombFriction) else 0.0
         most = 1.0 + abs(gear.ratio) * there / coulomb.static if coulomb.static else np.inf
         if top > most * (1.0 + 1e-9):
@@ -203,8 +203,18 @@ def _matches(scene: Scene, section: str, key: str, pattern: str) -> tuple[str, .
         raise SweepError(
             f"there is no {what} that is called {pattern!r}; {choose_from(pattern, there)}"
         )
-    for name in names if key == "hysteresis" else ():
-        _check_split(scene, name)
+    for actuator in scene.actuators or () if key == "hysteresis" else ():
+        entry, gear = scene.friction.get(actuator.joint or ""), actuator.transmission
+        coulomb = None if entry is None else entry.coulomb
+        lost = None if gear is None else gear.no_load_torque
+        if actuator.drive_name in names and not (
+            isinstance(coulomb, CoulombFriction) and isinstance(lost, CoulombFriction | None)
+        ):
+            raise SweepError(
+                f"the hysteresis of {actuator.drive_name} moves friction between its joint's "
+                "`coulomb` and its gear's `no_load_torque`: give `coulomb`, and both the same in "
+                "both directions"
+            )
     for drive in scene.drives if section == "transmission" and key != "stiffness" else ():
         gear = drive.transmission
         if drive.name not in names or gear is None:
@@ -219,20 +229,6 @@ def _matches(scene: Scene, section: str, key: str, pattern: str) -> tuple[str, .
     if section == "payload" and len(names) > 1:
         raise SweepError(f"matches {len(names)} payloads; name one: {', '.join(names)}")
     return names
-
-
-def _check_split(scene: Scene, drive: str) -> None:
-    """Refuse to move friction across a spring if it differs by direction, or is missing."""
-    (actuator,) = (a for a in scene.actuators or () if a.drive_name == drive)
-    entry = scene.friction.get(actuator.joint or "")
-    gear = actuator.transmission
-    coulomb = None if entry is None else entry.coulomb
-    lost = None if gear is None else gear.no_load_torque
-    if not isinstance(coulomb, CoulombFriction) or not isinstance(lost, CoulombFriction | None):
-        raise SweepError(
-            f"the hysteresis of {drive} moves friction between its joint's `coulomb` and its "
-            "gear's `no_load_torque`: give `coulomb`, and both the same in both directions"
-        )
 
 
 def _found(entry: Any, key: str) -> Any:

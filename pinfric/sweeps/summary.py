@@ -8,7 +8,6 @@ import numpy as np
 
 from pinfric.model.described import EFFORT, MOTOR, SPEED, described, gathered, quantity
 from pinfric.sweeps.cycle import DEMANDS
-from pinfric.sweeps.motors import Trial
 from pinfric.sweeps.result import Probability, SweepResult
 
 
@@ -120,7 +119,19 @@ def sweep_summary(result: SweepResult) -> SweepSummary:
             )
             for i in range(len(result.actuator_names))
         ),
-        motors=tuple(_on_trial(result, trial) for trial in trials),
+        motors=tuple(
+            gathered(
+                TriedMotor,
+                trial,
+                name=trial.candidate.name,
+                ratio=trial.candidate.ratio,
+                mass=trial.candidate.mass,
+                suffices=result.probability(result.sufficing(trial)),
+                criteria={name: result.probability(met) for name, met in result.met(trial).items()},
+                not_checked=result.not_checked(trial),
+            )
+            for trial in trials
+        ),
         all_motors_suffice=result.probability(result.sufficing()) if trials else None,
         elastic={
             name: _by_percentile(result, values)
@@ -149,16 +160,3 @@ def _spreads(result: SweepResult, figure: str) -> list[Spread]:
         ranks = dict(zip(names, correlation[:, i].tolist(), strict=True))
         spreads.append(Spread(percentiles, ranks, sobol))
     return spreads
-
-
-def _on_trial(result: SweepResult, trial: Trial) -> TriedMotor:
-    return gathered(
-        TriedMotor,
-        trial,
-        name=trial.candidate.name,
-        ratio=trial.candidate.ratio,
-        mass=trial.candidate.mass,
-        suffices=result.probability(result.sufficing(trial)),
-        criteria={name: result.probability(mask) for name, mask in result.met(trial).items()},
-        not_checked=result.not_checked(trial),
-    )

@@ -211,7 +211,10 @@ class Superposition:
                 for key in keys
                 if key != "mass"
             ]
-            shares = _shares(np.array(away).reshape(-1, n) / _STEP)
+            # weights that give a quadratic at x from its values at `_offsets`; halves: exact
+            x = np.array(away).reshape(-1, n) / _STEP
+            inverse = np.round(2 * np.linalg.inv(_monomials(_offsets(len(x)).T))) / 2
+            shares = np.einsum("nm,mp->np", _monomials(x), inverse)
             bodies.append((mass / payload.mass)[:, None] * shares)
         sections = {target.section for target in self.targets}
         causes = [np.ones((n, 1))]
@@ -280,12 +283,6 @@ def _monomials(x: np.ndarray) -> np.ndarray:
     """(n, places) the terms of a quadratic in the rows of x (count, n)."""
     pairs = [x[i] * x[j] for i, j in combinations(range(len(x)), 2)]
     return np.stack([np.ones(x.shape[1]), *x, *x * x, *pairs], axis=1)
-
-
-def _shares(x: np.ndarray) -> np.ndarray:
-    """(n, places) weights that give a quadratic at x (count, n) from its values at `_offsets`."""
-    inverse = np.round(2 * np.linalg.inv(_monomials(_offsets(len(x)).T))) / 2  # halves: exact
-    return np.einsum("nm,mp->np", _monomials(x), inverse)
 
 
 def _places(scene: Scene, targets: Sequence[Target]) -> Iterator[Scene]:

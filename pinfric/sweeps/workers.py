@@ -56,9 +56,12 @@ def compute_in_parallel(
     Raises:
         SweepError: a process was killed, or none finishes a batch.
     """
+    import cloudpickle
     from joblib import Parallel, delayed
 
-    task, packed = delayed(_compute_packed), _packed(study)
+    # cloudpickle also takes classes and functions of a script; rows of `add_limit` go along
+    packed = __version__, cloudpickle.dumps((study, LIMITS[OWN_LIMITS:]))
+    task = delayed(_compute_packed)
     backend = None if processes is None else "loky"
     run = Parallel(
         jobs,
@@ -108,13 +111,6 @@ def _signals_kept() -> Iterator[None]:
         yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
-
-
-def _packed(study: Study) -> Packed:
-    """Pickle the study, with classes and functions of a script, and rows of `add_limit`."""
-    import cloudpickle
-
-    return __version__, cloudpickle.dumps((study, LIMITS[OWN_LIMITS:]))
 
 
 def _compute_packed(packed: Packed, batch: tuple[np.ndarray, np.ndarray]) -> pd.DataFrame:
