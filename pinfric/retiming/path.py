@@ -11,7 +11,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path as File
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -170,18 +169,21 @@ class Path:
         source, t = trajectory.source, trajectory.t
         speed = np.abs(trajectory.v).max(axis=1)
         still = speed <= _STOPPED * speed.max()
-        still[_turning_back(trajectory.v)] = True
+        # Where the whole motion turns back between two samples, the slower of them
+        size = np.linalg.norm(trajectory.v, axis=1)
+        along = (trajectory.v[1:] * trajectory.v[:-1]).sum(axis=1)
+        at = np.flatnonzero(along < -_BACK * size[1:] * size[:-1])
+        still[at + (size[at + 1] < size[at])] = True
         if not (still[0] and still[-1]):
             raise TrajectoryError(
                 f"{source}: does not start and end at rest (v = 0): hold the "
                 "first and last position for a few samples"
             )
         rests, position = runs(still), trajectory.joint_positions()
-        stops = [
-            waits
-            for i, waits in enumerate(rests)
-            if i == 0 or _moved(position, rests[i - 1], waits)
-        ]
+        stops = rests[:1]  # at a reversal of all joints a sample may be still
+        for (_, before), waits in pairwise(rests):
+            if np.abs(position[waits[0]] - position[before]).max() > LIMIT_TOLERANCE:
+                stops.append(waits)
         pieces = [_sampled(position[a[1] : b[0] + 1]) for a, b in pairwise(stops)]
         if not pieces:
             raise TrajectoryError(f"{source}: no joint moves; there is no path to retime")
@@ -303,19 +305,6 @@ def _spline(s: np.ndarray, points: np.ndarray) -> PPoly:
         return PPoly(np.stack([slope, points[0]])[:, None, :], s)
     spline = CubicSpline(s, points)
     return PPoly(spline.c, spline.x)
-
-
-def _turning_back(v: np.ndarray) -> np.ndarray:
-    """The slower sample of each pair between which the whole motion turns back."""
-    size = np.linalg.norm(v, axis=1)
-    along = (v[1:] * v[:-1]).sum(axis=1)
-    at = np.flatnonzero(along < -_BACK * size[1:] * size[:-1])
-    return at + (size[at + 1] < size[at])
-
-
-def _moved(position: np.ndarray, before: Any, after: Any) -> bool:
-    """Whether two rests are apart: at a reversal of all joints a sample may be still."""
-    return bool(np.abs(position[after[0]] - position[before[1]]).max() > LIMIT_TOLERANCE)
 
 
 def _sampled(position: np.ndarray) -> PPoly:

@@ -52,7 +52,14 @@ class Profile:
     @classmethod
     def of(cls, grid: Grid, x: np.ndarray, u: np.ndarray) -> Profile:
         """Compute the times of a profile."""
-        spent = _durations(grid.step, np.sqrt(x[:-1]), np.sqrt(x[1:]), u)
+        k = (u[:, 1] - u[:, 0]) / grid.step
+        w, ratio = np.sqrt(np.abs(k)), grid.step / (np.sqrt(x[:-1]) + np.sqrt(x[1:]))
+        y = w * ratio
+        with np.errstate(divide="ignore", invalid="ignore"):
+            hyperbolic = np.arctanh(np.minimum(y, 1.0 - 1e-16))
+            spent = 2.0 * np.where(k > 0.0, hyperbolic, np.arctan(y)) / w
+        square = k * ratio**2
+        spent = np.where(np.abs(square) < _SERIES, 2.0 * ratio * (1.0 + square / 3.0), spent)
         total = np.concatenate(([0.0], np.cumsum(spent)))
         stops = np.flatnonzero(grid.stop)
         begin = np.zeros(len(total))
@@ -111,18 +118,6 @@ def _sine(k: np.ndarray, t: np.ndarray) -> np.ndarray:
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = np.where(k > 0.0, np.sinh(np.minimum(w * t, 700.0)), np.sin(w * t)) / w
     return np.where(np.abs(square) < _SERIES, t * (1.0 + square / 6.0), ratio)
-
-
-def _durations(step: np.ndarray, z_a: np.ndarray, z_b: np.ndarray, u: np.ndarray) -> np.ndarray:
-    """(n,) how long each interval takes."""
-    k = (u[:, 1] - u[:, 0]) / step
-    w, ratio = np.sqrt(np.abs(k)), step / (z_a + z_b)
-    y = w * ratio
-    with np.errstate(divide="ignore", invalid="ignore"):
-        hyperbolic = np.arctanh(np.minimum(y, 1.0 - 1e-16))
-        duration = 2.0 * np.where(k > 0.0, hyperbolic, np.arctan(y)) / w
-    square = k * ratio**2
-    return np.where(np.abs(square) < _SERIES, 2.0 * ratio * (1.0 + square / 3.0), duration)
 
 
 @dataclass(frozen=True)

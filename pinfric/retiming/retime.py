@@ -279,7 +279,14 @@ class _Retiming:
         for _ in range(_ROUNDS):
             if best.excess <= self.policy.tolerance:
                 return best
-            self._tighten(best)
+            # Where, and by which part, the smoothed motion exceeds a limit
+            samples = sample(self.path, best.profile, self.policy.sample_rate, best.smooth)
+            use = best.usage.max(axis=(1, 2))
+            for i in np.flatnonzero(samples.moving & (use > 1.0)):
+                reach = float(samples.rate[max(i - 1, 0) : i + 2].max()) * best.smooth
+                s = float(samples.s[i])
+                self.tight[-1].append((int(samples.piece[i]), s - reach, s + reach, float(use[i])))
+            self.tight.append([])
             try:
                 best = self.fastest(points, heat, result.smooth)
             except RetimeError:  # a limit that is needed to hold is no longer enough
@@ -292,16 +299,6 @@ class _Retiming:
             use = None if result.rms is None else self.heat_used(samples)
             best = self.result(result.problem, profile, samples, smooth, result.uniform, use)
         return best
-
-    def _tighten(self, result: RetimeResult) -> None:
-        """Note where, and by which part, a smoothed motion exceeds a limit."""
-        samples = sample(self.path, result.profile, self.policy.sample_rate, result.smooth)
-        use = result.usage.max(axis=(1, 2))
-        for i in np.flatnonzero(samples.moving & (use > 1.0)):
-            reach = float(samples.rate[max(i - 1, 0) : i + 2].max()) * result.smooth
-            s = float(samples.s[i])
-            self.tight[-1].append((int(samples.piece[i]), s - reach, s + reach, float(use[i])))
-        self.tight.append([])
 
     def notes(self, result: RetimeResult, heat: bool) -> Iterator[str]:
         """Say what is exceeded, what `size` does not accept, whose heat is unknown."""

@@ -165,7 +165,14 @@ def make_tables(scene: Scene, path: Path, columns: tuple[JointColumn, ...], grid
             (at_rest, grid.rate[rows]),
         )
         reacting = nt > 0 or twin.springs is not None
-        batches = [_wrenches_and_efforts(twin, q[rows], v, a, reacting) for v, a in states]
+        batches = []
+        for v, a in states:
+            if reacting:
+                batches.append(rigid_efforts(twin, q[rows], v, a))
+            else:
+                effort = np.empty(v.shape)
+                pin.rneaInParallel(1, twin.plain_pool(1), q[rows].T, v.T, a.T, effort.T)
+                batches.append((np.empty(0), effort))
         for k, (_, effort) in enumerate(batches):
             tables.effort[rows, :, k] = effort if k == 0 else effort - batches[0][1]
         if nt:
@@ -175,16 +182,6 @@ def make_tables(scene: Scene, path: Path, columns: tuple[JointColumn, ...], grid
     if (P := delivery(scene.drives, scene.model.nv)).size:
         tables.effort[:] = np.einsum("de,mek->mdk", P, tables.effort)
     return tables
-
-
-def _wrenches_and_efforts(
-    twin: Twin, q: np.ndarray, v: np.ndarray, a: np.ndarray, reacting: bool
-) -> tuple[np.ndarray, np.ndarray]:
-    if not reacting:
-        effort = np.empty(v.shape)
-        pin.rneaInParallel(1, twin.plain_pool(1), q.T, v.T, a.T, effort.T)
-        return np.empty(0), effort
-    return rigid_efforts(twin, q, v, a)
 
 
 def _gram(scene: Scene, twin: Twin, q: np.ndarray, wrenches: tuple[np.ndarray, ...]) -> np.ndarray:
