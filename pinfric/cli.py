@@ -643,13 +643,17 @@ def replay(
     from the computed ones; with --motors, which drive limits the motion.
     """
     from pinfric.dynamics.simulation.motion import Motion
+    from pinfric.model.files import check_writable
     from pinfric.model.scene_file import load_scene
     from pinfric.show.replay.replay import replay, replay_lines
     from pinfric.show.timeline.motion import motion_to_replay
 
     scene = load_scene(scene_name)
     note_input(*(name for name in (motion_name, motors, log.columns) if name))
-    html = _page(html, scene.source)
+    if html is not None and not html.name:
+        raise typer.BadParameter("is not a file name", param_hint="--html")
+    html = html or Path(f"{Path(scene.source).stem}.replay.html")
+    check_writable(html.parent, [html.name])
     with working("computing the motion"):
         motion, judged = motion_to_replay(scene, motion_name, log, effort_at)
     title = Path(scene.source).stem + (f" · {Path(motion_name).name}" if motion_name else "")
@@ -662,19 +666,6 @@ def replay(
     answer("replay", shown, lines, as_json, scene=scene.source)
     if isinstance(motion, Motion) and motion.status == "interrupted" and motion_name is None:
         raise typer.Exit(INTERRUPTED)
-
-
-def _page(html: Path | None, scene: str) -> Path:
-    """Return the file of a replay's page, by default SCENE.replay.html; check that it can be
-    written.
-    """
-    from pinfric.model.files import check_writable
-
-    if html is not None and not html.name:
-        raise typer.BadParameter("is not a file name", param_hint="--html")
-    html = html or Path(f"{Path(scene).stem}.replay.html")
-    check_writable(html.parent, [html.name])
-    return html
 
 
 @app.command(short_help="Write a starting scene and motion for a URDF, guesses marked.")
@@ -976,14 +967,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
             stream.reconfigure(errors="replace")
     run.begin(sys.argv[1:] if arguments is None else list(arguments))
     with warnings_as_notices(), running_command():
-        sys.exit(_run(_flags_first(run.words)))
-
-
-def _flags_first(arguments: list[str]) -> list[str]:
-    """Move the flags that all commands take before the command: people write them at the end."""
-    known = ("-q", "--quiet", "-v", "--verbose", "--overwrite")
-    flags = [text for text in arguments if text in known]
-    return flags + [text for text in arguments if text not in flags]
+        # the flags that all commands take go before the command: people write them at the end
+        known = ("-q", "--quiet", "-v", "--verbose", "--overwrite")
+        flags = [word for word in run.words if word in known]
+        sys.exit(_run(flags + [word for word in run.words if word not in flags]))
 
 
 def _run(arguments: list[str]) -> int:
