@@ -233,8 +233,14 @@ def new_waypoints(begun: Begun) -> str:
     start = [_start(column) for column in columns]
     end = [_end(column, at) for column, at in zip(columns, start, strict=True)]
     names = ", ".join(yaml_line(column.name) for column in columns)
-    there, back, time = _numbers(end), _numbers(start), f"{_duration(columns, start, end):g}"
-    name = begun.urdf.name
+    there, back, name = _numbers(end), _numbers(start), begun.urdf.name
+    # at most 0.3 of every velocity limit (quintic: peak 15/8)
+    needed = [
+        1.875 * abs(b - a) / (0.3 * c.velocity_limit)
+        for c, a, b in zip(columns, start, end, strict=True)
+        if math.isfinite(c.velocity_limit) and c.velocity_limit > 0
+    ]
+    time = f"{max(1.0, math.ceil(10.0 * max(needed, default=0.0)) / 10.0):g}"
     return f"""# A first motion for {name}: each joint moves a little, holds, and returns.
 # Made by `pinfric new`; positions in rad and m, times in s.
 pinfric_trajectory: 1
@@ -500,16 +506,6 @@ def _rounded(position: float, column: JointColumn) -> float:
     """Round to 4 decimals; to more where the range is narrow or the joint slow."""
     size = min(column.upper - column.lower, column.velocity_limit, 1.0)
     return round(position, 4 if size >= 0.01 else 4 - math.floor(math.log10(max(size, 1e-12))))
-
-
-def _duration(columns: tuple[JointColumn, ...], start: list[float], end: list[float]) -> float:
-    """Return a duration with at most 0.3 of every velocity limit (quintic: peak 15/8)."""
-    needed = [
-        1.875 * abs(b - a) / (0.3 * c.velocity_limit)
-        for c, a, b in zip(columns, start, end, strict=True)
-        if math.isfinite(c.velocity_limit) and c.velocity_limit > 0
-    ]
-    return max(1.0, math.ceil(10.0 * max(needed, default=0.0)) / 10.0)
 
 
 def _short(x: float, digits: int = 2) -> str:
