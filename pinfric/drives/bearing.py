@@ -151,7 +151,7 @@ class BearingLoad:
     """Loads of a bearing over a cycle, magnitudes.
 
     Attributes:
-        means: exponent p -> (radial, axial, moment): (int |v x^p| dt/int |v| dt)^(1/p), what wears.
+        means: exponent p -> (radial, axial, moment) as of `bearing_load`, what wears.
         speed: mean |v|, rad/s; m/s of a screw.
     """
 

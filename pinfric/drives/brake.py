@@ -1,9 +1,8 @@
 """Joints that hold without power, and the brakes that hold and stop the others.
 
-Power may fail anywhere along a cycle. At every pose, at rest and with the payloads carried there,
-friction in joints and gears may help or oppose, as its history left it, so the effort that holds a
-joint has an interval. A joint without a brake stays where friction alone bears the load. A brake at
-the motor's shaft must bear the load without that help, |load|/ratio.
+Power may fail anywhere along a cycle, with the payloads carried there. Friction in joints and gears
+may help or oppose, as its history left it: a joint without a brake stays where friction alone bears
+the load, and a brake at the motor's shaft must bear |load|/ratio without that help.
 
 A brake that closes at speed takes the energy of a stop, friction left out and the load driving,
 
@@ -251,8 +250,7 @@ def rest_of(scene: Scene, i: int, load: np.ndarray, peak: float, speed: float) -
     """Return what a joint that stands still asks of a brake.
 
     Args:
-        i: the drive's column. load: (T,) as of `RestDemand`.
-        peak: its largest effort. speed: its largest, rad/s (m/s).
+        i: the drive's column. load, peak: as of `RestDemand`. speed: largest, rad/s (m/s).
     """
     drive, guesses = scene.drives[i], () if scene.assumed is None else scene.assumed.values
     unsure = any(place.startswith(("robot.masses", "robot.payloads")) for place in guesses)

@@ -119,8 +119,7 @@ class DriveCycle:
         effort_lower, effort_upper, effort_frictionless: (T,) at the joint, N m or N; 0 while
             switched off.
         velocity, acceleration: (T,) of the joint.
-        at_rest: (T,) it stands still, or reverses beside the sample.
-        holding: (T,) all joints stand still.
+        at_rest: (T,) it stands still, or reverses beside the sample. holding: (T,) all joints do.
         stick_velocity: at or below this speed it stands still.
         duty: the cycles of a period; None: one cycle.
     """
@@ -302,10 +301,8 @@ def average_output_effort(
 ) -> float:
     """Return T_av = (int |v T^p| dt / int |v| dt)^(1/p), which wears a gear: p = 3, strain wave.
 
-    0 where the joint never moves.
-
     Args:
-        t: (T,) s. effort: (T,) N m or N at the output. velocity: (T,) at the output. exponent: p.
+        t: (T,) s. effort, velocity: (T,) at the output; 0 where it never moves. exponent: p.
 
     Source: Harmonic Drive engineering data 1021387 12/2018, p. 30.
     """

@@ -133,9 +133,6 @@ class Ratings:
         Of a motor that needs air `policy.COOLING`; of that at the ambient temperature by the
         maker's curve (None beyond its end), else sqrt((T_max - T_a)/(T_max - T_rated)), at most 1:
         copper loss, in proportion to the torque's square, is led off in proportion to T_max - T_a.
-
-        Args:
-            conditions: ambient temperature, cooling, and T_max of motors whose maker prints none.
         """
         (share, text), aired = self._derating(conditions), self.aired(conditions)
         if share is None or aired == 1.0:
@@ -184,8 +181,7 @@ class Ratings:
     def continuous_at(self, conditions: Conditions, speed: float = 0.0) -> tuple[float | None, str]:
         """Return the continuous torque (N m, or None) at the ambient temperature, and a remark.
 
-        Args:
-            speed: the mean one, rad/s, for the maker's curve over speed.
+        `speed`: the mean one, rad/s, for the maker's curve over speed.
         """
         torque = self.continuous_torque
         if self.continuous_curve is not None:
@@ -557,11 +553,7 @@ def with_brake(candidate: Candidate, name: str, brake: Brake) -> Candidate:
 
 
 def amplifier_torque(candidate: Candidate, current: str) -> tuple[float | None, str]:
-    """Return the torque (N m) of one of the amplifier's currents, and the current in words.
-
-    Args:
-        current: "peak_current" or "continuous_current".
-    """
+    """Return the torque (N m) of an amplifier's peak or continuous current, and this in words."""
     amplifier, k = candidate.amplifier, candidate.ratings.torque_constant
     most = None if amplifier is None else getattr(amplifier, current)
     if amplifier is None or most is None:
@@ -649,11 +641,7 @@ def input_torques(candidate: Candidate, cycle: DriveCycle) -> tuple[np.ndarray, 
 
 
 def braking_torque(candidate: Candidate, cycle: DriveCycle) -> float:
-    """Return the largest torque, rotor included, at the rated shaft of a drive that brakes, N m.
-
-    Args:
-        cycle: the joint's samples with their decelerations.
-    """
+    """Return the largest torque, rotor included, at the rated shaft of a drive that brakes, N m."""
     assert candidate.transmission is not None
     scale = candidate.ratio if candidate.at_output else 1.0
     rotor = candidate.ratio * candidate.transmission.rotor_inertia * cycle.acceleration
@@ -669,10 +657,7 @@ def motor_cycle(
     """Return the demand of the cycle on the motor of a candidate with a transmission.
 
     T_m = [lower(t), upper(t)]/r + r viscous v + r J a (`motor_torque_bounds`); i = T_m/k;
-    P = T_m omega + R(T_w) i^2.
-
-    Args:
-        conditions: ambient temperature. bare: `input_torques`, if known.
+    P = T_m omega + R(T_w) i^2. `bare`: `input_torques`, if known.
     """
     assert candidate.transmission is not None
     t = cycle.stretched

@@ -1,8 +1,8 @@
 """Duty: cycles with their shares or counts, as a period that repeats without end.
 
-A period runs each cycle as often as asked, one kind after the other, then stands switched off. Each
-is computed once. A mean over the period is one over the cycles, time stretched by their
-repetitions; what depends on the order (windows, standstills, temperatures) is played.
+A period runs each cycle as often as asked, one kind after the other, then stands switched off. A
+mean over it is one over the cycles, time stretched by their repetitions; what depends on the order
+(windows, standstills, temperatures) is played.
 """
 
 from __future__ import annotations
@@ -66,11 +66,7 @@ class Schedule:
         return counts.astype(np.int64)
 
     def stretched(self, t: np.ndarray) -> np.ndarray:
-        """Return (T,) time in a period, each cycle's stretched by its repetitions, s.
-
-        Args:
-            t: (T,) s, each cycle once.
-        """
+        """Return (T,) time in a period, s, of `t` with each cycle once."""
         if set(self.repeats) == {1.0}:
             return t
         steps = np.diff(t)
@@ -81,10 +77,7 @@ class Schedule:
     def played(self, t: np.ndarray, window: float = np.inf) -> tuple[np.ndarray, np.ndarray]:
         """Return the samples (indices) in the order of the period, and their times (s).
 
-        Of equal repetitions no more are played than fill a window, and one more.
-
-        Args:
-            t: (T,) s, each cycle once. window: s.
+        Of equal repetitions no more are played than fill a window (s), and one more.
         """
         order, times, end = [], [], 0.0
         for k, count in enumerate(self.counts.tolist()):

@@ -74,8 +74,7 @@ def settled_heat(t: np.ndarray, x: np.ndarray, lag: Lag, duty: Schedule | None =
     x^2 is linear between samples; each step is exact, and the settled cycle is a fixed point.
 
     Args:
-        t: (T,) increasing, s; the last sample is the first of the next repetition.
-        x: (T,), of the unit of the result.
+        t: (T,) increasing, s; the last sample is the first of the next repetition. x: (T,).
         duty: the cycles of a period; None: one cycle.
     """
     largest = float(np.abs(x).max())

@@ -51,7 +51,7 @@ def criteria_over(
     """Return the criteria of a drive over a motion that is repeated, as `size` has them.
 
     Args:
-        actuator: the drive's column. holding: (T,) of `demand.hold_samples`.
+        actuator: its column. holding: (T,) of `demand.hold_samples`.
         inertia: largest about the joint, kg m^2 (kg); None: not known.
     """
     cycle = drive_cycle(result, actuator, holding)

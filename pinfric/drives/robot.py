@@ -78,10 +78,7 @@ class _Solved:
 
 
 def _check_known(result: InverseResult) -> None:
-    """Refuse a cycle at whose samples efforts are not known, or their interval may be too narrow.
-
-    Raises: SizingError.
-    """
+    """Refuse a cycle with samples of unknown efforts, or whose interval may be too narrow."""
     unknown = np.isnan(result.effort_lower).any(axis=1)
     samples = np.flatnonzero(unknown | result.interval_searched)
     if not len(samples):

@@ -115,12 +115,12 @@ class ImportedTable:
 def import_table(table: str | Path, mapping: str | Path | None = None) -> ImportedTable:
     """Return a CSV table with one row per entry as a catalogue.
 
-    A row is left out and named: a number without unit or of the wrong quantity, ratings that
-    contradict each other, a name given twice.
+    Left out and named is a row with a number without unit or of the wrong quantity, ratings that
+    contradict each other, or a name given twice.
 
     Args:
-        table: CSV (comma, semicolon or tab), names in line 1; whether its commas or its points are
-            decimal is told by all its numbers together.
+        table: CSV (comma, semicolon or tab), names in line 1; all its numbers together tell whether
+            commas or points are decimal.
         mapping: its mapping file; None takes TABLE.columns.yaml beside it.
 
     Raises:

@@ -206,9 +206,9 @@ def in_si(value: float, unit: str, wanted: str) -> float:
     """Return a figure in the SI unit it is wanted in.
 
     A mass where a force is wanted is its weight (kg cm of a torque, oz in s^2 of an inertia), 1/min
-    of a speed are turns, V/rpm and V/min-1 of a torque constant are N m/A. A length, or a length
-    per turn, of a ratio is a screw's lead, which becomes 2 pi/lead; a time per angle of a speed (a
-    servo's s/60deg) becomes one over it.
+    of a speed are turns, V/rpm and V/min-1 of a torque constant are N m/A. A length (per turn) of a
+    ratio is a screw's lead, which becomes 2 pi/lead; a time per angle of a speed (a servo's
+    s/60deg) becomes one over it.
 
     Args:
         unit: in any spelling. wanted: the SI unit, as `unit_of` says it.

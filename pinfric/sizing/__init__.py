@@ -2,9 +2,9 @@
 
 Takes: a scene, a duty of cycles, a catalogue and conditions; without a catalogue only the demand.
 
-Steps: `size` computes the cycle's efforts, reduces them for each joint (`drives`), chooses drives
-from tip to base, puts their masses in and repeats until no choice changes, then judges the whole
-arm, its bus and its stops.
+Steps: `size` reduces the cycle's efforts for each joint (`drives`), chooses drives from tip to
+base, puts their masses in and repeats until no choice changes, then judges the whole arm, its bus
+and its stops.
 
 A drive is entries of the catalogue (`Candidate`) and the figures that rows of limits read, of many
 drives as arrays or of one as numbers (`Candidates`). Judged, it has criteria (`Assessment`).

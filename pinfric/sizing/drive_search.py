@@ -535,8 +535,8 @@ class DriveSearch:
     def _brakes(self, group: _Group, g: int, bare: Candidate) -> list[list[Brake | None]]:
         """Return the brakes that drives may get, of each brake group; more than one by stop energy.
 
-        The energy of a stop, T_b (J omega^2 + 2 omega T t + T^2 t^2/J)/2/(T_b - T) with the load T,
-        is convex in J: what the lightest and the heaviest rotor bear, all between them do.
+        That energy, T_b (J omega^2 + 2 omega T t + T^2 t^2/J)/2/(T_b - T) with the load T, is
+        convex in J: what the lightest and the heaviest rotor bear, all between them do.
         """
         needed, rotors = self.holding_torque(bare), group.drives.inertia[g][group.fits[g]]
         known = rotors[np.isfinite(rotors)]

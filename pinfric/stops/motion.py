@@ -4,10 +4,9 @@
     category 1    every axis is braked under power; at rest power goes off, brakes close as before,
                   or, if the drives hold until then, brakes close and power goes off
 
-A closed brake is dry friction T_b at the motor's shaft, which passes through the gear and its
-losses; so is a drive that brakes with all its effort and then holds. Each phase is one simulation
-with friction, stick and slip. With a stated deceleration the drives impose the motion,
-v_j - sign(v_j) d_j t, and inverse dynamics gives their efforts.
+A closed brake is dry friction T_b at the motor's shaft, with the gear's losses; so is a drive that
+brakes with all its effort and then holds. Each phase is one simulation with friction. With a stated
+deceleration the drives impose v_j - sign(v_j) d_j t, and inverse dynamics gives their efforts.
 """
 
 from __future__ import annotations
