@@ -297,9 +297,18 @@ def _positions(
     source: str,
 ) -> FloatArray:
     """Return the points (points, nj), rad or m, checked against the joints' limits."""
-    order = _joint_order(waypoints, [column.name for column in columns], problems)
+    names = [column.name for column in columns]
+    listed = names if waypoints.joints is None else list(waypoints.joints)
+    for name in dict.fromkeys(listed):
+        if name not in names:
+            problems.append(f"joints: unknown joint {name!r}; {choose_from(name, names)}")
+        if listed.count(name) > 1:
+            problems.append(f"joints: {name!r} occurs {listed.count(name)} times")
+    if missing := [name for name in names if name not in listed]:
+        problems.append(f"joints: missing {', '.join(missing)}; every joint needs a position")
     _check_points(waypoints, len(columns), payloads, problems)
     refuse(source, problems)
+    order = [listed.index(name) for name in names]
     q = np.array([point.q for point in waypoints.points])[:, order]
     turns, degree = np.array([column.unit == "rad" for column in columns]), ANGLE_UNITS["deg"]
     in_degrees = q * np.where(turns, degree, 1.0)
@@ -317,24 +326,6 @@ def _positions(
 
 def _ramp(waypoints: WayPointFile) -> float:
     return 1.0 / 3.0 if waypoints.ramp is None else waypoints.ramp
-
-
-def _joint_order(
-    waypoints: WayPointFile, joint_names: Sequence[str], problems: list[str]
-) -> list[int]:
-    if waypoints.joints is None:
-        return list(range(len(joint_names)))
-    names = list(waypoints.joints)
-    for name in dict.fromkeys(names):
-        if name not in joint_names:
-            problems.append(f"joints: unknown joint {name!r}; {choose_from(name, joint_names)}")
-        if names.count(name) > 1:
-            problems.append(f"joints: {name!r} occurs {names.count(name)} times")
-    missing = [name for name in joint_names if name not in names]
-    if missing:
-        problems.append(f"joints: missing {', '.join(missing)}; every joint needs a position")
-        return []
-    return [names.index(name) for name in joint_names]
 
 
 def _check_points(
