@@ -212,7 +212,7 @@ def _constants(scene: Scene, frames: Sequence[str], bounds: Bounds) -> list[str]
     for name in frames:
         frame = _frame(scene, name)
         turn, place = turns[frame.parentJoint], frame.placement
-        at = _entry([frame.parentJoint - 1, turn @ place.rotation, turn @ place.translation])
+        at = _array([frame.parentJoint - 1, turn @ place.rotation, turn @ place.translation])
         placed.append((name, at))
     P, coupled = delivery(scene.drives, nv), set(taking_part(scene.drives))
     least, greatest, fastest = reach(scene)
@@ -284,7 +284,7 @@ def _bodies(scene: Scene, turns: np.ndarray) -> list[tuple[str, str]]:
             turn @ inertia.lever,
             moments[np.triu_indices(3)],
         ]
-        rows.append((name, _entry(fields)))
+        rows.append((name, _array(fields)))
     return rows
 
 
@@ -310,13 +310,13 @@ def _laws(scene: Scene) -> tuple[list[tuple[str, str]], ...]:
             int(laws.row_start[s]),
             int(laws.row_end[s]),
         ]
-        sites.append((site.name, _entry(fields)))
+        sites.append((site.name, _array(fields)))
     terms = [
-        ("", _entry([int(loads.rank[t]), bool(loads.moves[s]), loads.map[t], loads.map_moved[t]]))
+        ("", _array([int(loads.rank[t]), bool(loads.moves[s]), loads.map[t], loads.map_moved[t]]))
         for t, s in enumerate(loads.site)
     ]
     shapes = zip(laws.mu, laws.coulomb, laws.power, laws.velocity, laws.exponent, strict=True)
-    return sites, terms, [("", _entry(fields)) for fields in shapes]
+    return sites, terms, [("", _array(fields)) for fields in shapes]
 
 
 def _drives(scene: Scene) -> tuple[list[tuple[str, str]], list[tuple[str, str]]]:
@@ -336,11 +336,11 @@ def _drives(scene: Scene) -> tuple[list[tuple[str, str]], list[tuple[str, str]]]
         "last",
     )
     drives = [
-        (drive.name, _entry([getattr(gears, field)[d] for field in fields]))
+        (drive.name, _array([getattr(gears, field)[d] for field in fields]))
         for d, drive in enumerate(scene.drives)
     ]
     lines = zip(gears.load, gears.loss, gears.slope, strict=True)
-    return drives, [("", _entry(line)) for line in lines]
+    return drives, [("", _array(line)) for line in lines]
 
 
 def _table(kind: str, name: str, entries: Sequence[tuple[str, str]]) -> list[str]:
@@ -359,10 +359,6 @@ def _names(name: str, values: Sequence[str]) -> list[str]:
 def _comment(text: str) -> str:
     """The text on one line, unable to end or continue a comment or a string."""
     return one_line(text).replace("\\", "/")
-
-
-def _entry(fields: Iterable[object]) -> str:
-    return f"{{{', '.join(_value(x) for x in fields)}}}"
 
 
 def _value(x: object) -> str:

@@ -34,9 +34,6 @@ _CONNECT_TIMEOUT = 4
 #: What Dask raises for an address that is none, that nobody answers, or that is no scheduler's.
 _NO_SCHEDULER = (OSError, ValueError, ImportError, TypeError, MemoryError)
 
-#: The version that packed a study, and the study.
-Packed = tuple[str, bytes]
-
 
 def compute_in_parallel(
     study: Study,
@@ -113,8 +110,10 @@ def _signals_kept() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def _compute_packed(packed: Packed, batch: tuple[np.ndarray, np.ndarray]) -> pd.DataFrame:
-    version, study = packed
+def _compute_packed(
+    packed: tuple[str, bytes], batch: tuple[np.ndarray, np.ndarray]
+) -> pd.DataFrame:
+    version, study = packed  # which packed it
     if version != __version__:
         raise SweepError(f"a worker has pinfric {__version__}, this machine {version}")
     return compute(_unpacked(study), *batch)

@@ -388,5 +388,5 @@ def test_a_table_of_fifty_thousand_motors_is_read_and_judged_with_a_hundred_gear
     spent = time.process_time() - started
     print(f"50,000 motors, 100 gears: {spent:.1f} s")
     assert len(motors) == 50_000
-    assert spent < 20.0  # 9 s on a busy machine
+    assert spent < 20.0  # 17 s, 20 s beside other work
     assert report.settled
