@@ -273,7 +273,7 @@ def _along(
 def equivalent_load(ratings: BearingRatings, load: BearingLoad) -> float | None:
     """Return the dynamic equivalent load P of the mean loads, N; None where a figure is missing.
 
-    P = X P_r + Y F_a with (X, Y) by F_a/P_r (`Factors`).
+    P = X P_r + Y F_a with P_r of `BearingRatings.radial_load`, (X, Y) by F_a/P_r (`Factors`).
 
     Source: Harmonic Drive, output bearing; IKO; ISO 281.
     """

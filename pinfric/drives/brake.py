@@ -111,7 +111,8 @@ def standstills(
     Args:
         result: of the cycle; its scene has the gears.
         brakes: of the catalogue. conditions: whether a brake is required, and its reserve.
-        drives: (na,) that were chosen; left out: what each joint would need, of brakes sold alone.
+        drives: (na,) that were chosen: brakes that are built into other motors do not count; left
+            out: what each joint would need, of brakes sold alone.
     """
     zero, states = np.zeros_like(result.states.v), result.states
     still = inverse_dynamics(result.scene, states.q, zero, zero, attached=states.attached)

@@ -196,8 +196,9 @@ def export(
 ) -> Exported:
     """Return the scene for another engine: constants in place of friction, each with its error.
 
-    r T_m - tau_id = frictionloss sign(v) + damping v + armature a, all three >= 0, over the samples
-    in which the joint moves; see `joint_constants`.
+        r T_m - tau_id = frictionloss sign(v) + damping v + armature a,    all three >= 0
+
+    by least squares over the samples in which the joint moves; see `joint_constants`.
 
     Args:
         scene: an open chain with drives at its joints.

@@ -142,7 +142,9 @@ def holds_no_gravity(scales: Mapping[int, tuple[float, float]]) -> bool:
 def check_gravity(
     scene: Scene, scales: Mapping[int, tuple[float, float]], confirmed: Collection[str]
 ) -> None:
-    """Refuse efforts with another gravity than that of the kept masses, but of `confirmed` joints.
+    """Refuse efforts with another gravity than that of the kept masses.
+
+    Joints whose unit a person has `confirmed` pass.
 
     Raises:
         IdentificationError: by joint, all in one message.

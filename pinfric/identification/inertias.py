@@ -58,7 +58,10 @@ def parameters(model: pin.Model) -> FloatArray:
 
 
 def mass_changes(model: pin.Model, theta: FloatArray) -> FloatArray:
-    """Return the relative change of each link's mass, (nj,); of light links of a larger mass."""
+    """Return the change of each link's mass over its mass, (nj,).
+
+    Light links count with the share `_LIGHTEST` of the heaviest one's mass.
+    """
     before, after = (values.reshape(-1, 10)[:, 0] for values in (parameters(model), theta))
     return np.asarray((after - before) / np.maximum(before, _LIGHTEST * before.max()))
 

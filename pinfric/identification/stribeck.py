@@ -191,5 +191,5 @@ def _low_passed(prepared: Prepared, columns: FloatArray) -> FloatArray:
 
 
 def stribeck_decay(v: FloatArray, velocity: float, exponent: float) -> FloatArray:
-    """Return exp(-(|v|/v_s)^n), what is left of the excess at rest (rad/s or m/s)."""
+    """Return exp(-(|v|/v_s)^n), the share of the excess at rest; both speeds in rad/s or m/s."""
     return np.exp(-(np.abs(v / velocity) ** exponent))

@@ -177,8 +177,10 @@ def gradients(estimate: Estimate, shapes: Sequence[Misfit], place: IntArray) -> 
 def bias(estimate: Estimate, shapes: Sequence[Misfit], place: IntArray) -> FloatArray:
     """Return (n,) changes of the coefficients when one joint's shapes join the model.
 
-    [H  G^T    ] [dz]   [0      ]
-    [G  Z^T W Z] [b ] = [Z^T W r],    G: `gradients`, r: residuals
+        [H  G^T    ] [dz]   [0      ]
+        [G  Z^T W Z] [b ] = [Z^T W r],    G: `gradients`, r: residuals
+
+    `place`: (n,) of the coefficients above zero among (nj K,).
     """
     problem, p = estimate.problem, estimate.fit.theta.size
     hessian, beside = _left(estimate, place), gradients(estimate, shapes, place)
@@ -273,7 +275,8 @@ def for_a_further_log(estimate: Estimate, place: IntArray) -> tuple[FloatArray, 
 
         s^2 (1 + 1/L) x x^T    of each joint, s^2: variance of its factor between L logs
 
-    The L that is returned is the least of all joints; L - 1 is the freedom.
+    The L that is returned is the least of all joints; L - 1 is the freedom. `place`: (n,) of the
+    coefficients among (nj K,).
     """
     factors_of = [_log_factors(estimate, j)[0] for j in range(len(estimate.rows))]
     values = estimate.fit.slots.ravel()[place] * (place % K != INERTIA)

@@ -512,7 +512,11 @@ class Scene:
 
     @property
     def actuator_names(self) -> tuple[str, ...]:
-        """Names of the drives: the columns of every effort, in the order of `drives`."""
+        """Names of the drives: the columns of every effort.
+
+        They are in the order of the model's joints; with loops or drives off the joints, in that of
+        the list of actuators.
+        """
         return tuple(drive.name for drive in self.drives)
 
     @cached_property

@@ -71,7 +71,11 @@ def joint_columns(model: pin.Model, source: str = "model") -> tuple[JointColumn,
 
 
 def stated_range(low: float, high: float) -> tuple[float, float]:
-    """Return a joint's limits, infinite if none is stated (a URDF's read as 0 to 0)."""
+    """Return a joint's limits, infinite if none is stated.
+
+    A URDF's limit without lower and upper reads as 0 to 0; any other range is meant, also one of a
+    single position.
+    """
     if low > high or low == high == 0.0:
         return -np.inf, np.inf
     return (low if low > -_UNLIMITED else -np.inf), (high if high < _UNLIMITED else np.inf)

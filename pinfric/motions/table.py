@@ -66,8 +66,9 @@ def complete_derivatives(
 ) -> tuple[FloatArray, FloatArray]:
     """Return velocities and accelerations (T, nj), those not given from splines (`derivatives`).
 
-    Appended are to `problems` what cannot be derived, and to `warnings` accelerations that rounding
-    spoils and velocities that do not fit the positions.
+    The table's times increase and its positions are finite. What cannot be derived is appended to
+    `problems`; accelerations that rounding spoils, and velocities that do not fit the positions, to
+    `warnings`.
     """
     v, a = table.velocity, table.acceleration
     warnings += mismatch_warnings(columns, table)

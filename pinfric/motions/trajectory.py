@@ -149,7 +149,8 @@ class Trajectory:
 
         Args:
             scene: its model and payloads.
-            t, q, v, a: as the attributes; v and a may be None.
+            t, q: (T,) increasing, s; (T, nq).
+            v, a: (T, nv), or None.
             attached: payload name -> (T,) bool or one bool; others as the scene's defaults.
             source: name for messages.
 
@@ -365,7 +366,7 @@ def read_trajectory(
         if options.columns is not None:
             raise TrajectoryError(
                 f"{name}: --columns says which column of a log is what, and way-points have no "
-                "columns: leave it out, or beside a log write its LOG.columns.yaml"
+                "columns: leave it out (their key `joints` names the joints)"
             )
         waypoints, problems, name = read_waypoints(source), list[str](), str(source)
         names = [c.name for c in columns] if waypoints.joints is None else waypoints.joints

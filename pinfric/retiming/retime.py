@@ -67,7 +67,7 @@ class RetimeResult(Shown):
         duration: s, holds included. moves: (pieces,) of each, s.
         before: duration of the motion that the path comes from, s; None: it had no times.
         limiting: drive -> limit -> part of the moving time in which more than 99.5 % are used; all
-            of it for a continuous torque.
+            of it for a continuous torque, which holds back the whole cycle.
         excess: largest excess of a sample over any limit, as a part of it (0.001: 0.1 %).
         usage: (T, na, `limits.instant_limits`) used part of each limit.
         problem, profile: the grid with its limits, and the speed on it.

@@ -90,8 +90,8 @@ def _of(known: Mapping[type, Callable[..., Any]], result: Any, what: str) -> Cal
     for kind, function in known.items():
         if isinstance(result, kind):
             return function
-    kinds = "inverse_dynamics, simulate, size, retime, sweep and identify"
-    raise StateError(f"a {type(result).__name__} has no {what}; results of {kinds} have one")
+    kinds = ", ".join(kind.__name__ for kind in known)
+    raise StateError(f"a {type(result).__name__} has no {what}; these have one: {kinds}")
 
 
 def _png(figure: Figure) -> bytes:

@@ -200,8 +200,8 @@ class SizingReport(Shown):
         no_stops: why the stops that the scene asks for could not be judged; else "".
         rating: what the robot is rated for, beside a cycle or alone; None: a cycle alone.
         elsewhere: scenes in which the robot is mounted otherwise, for which the drives are, too.
-        open_stops: of a rating alone, by column, what the gears would bear in stops, N m or N; not
-            demanded of the choice. Else empty.
+        open_stops: of a rating alone, by column, what the gears would bear in stops, N m or N,
+            which the choice does not use; else empty.
     """
 
     scene: Scene
@@ -363,7 +363,7 @@ class SizingReport(Shown):
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """Assumptions, and what is not printed of brakes."""
+        """Assumptions, and which figures of brakes the catalogue lacks."""
         notes = (drive.brake_note for drive in self.drives if drive)
         brakes = dict.fromkeys(note for note in notes if ": " in note)
         text = f"Not printed of brakes: {'; '.join(brakes)}."

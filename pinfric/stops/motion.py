@@ -208,6 +208,7 @@ def _ramps(machine: BrakedMachine, q: np.ndarray, v: np.ndarray) -> Slowed:
 
 
 def _imposed(machine: BrakedMachine, given: Slowed) -> _Rows:
+    """A motion that the drives impose, with the efforts that it takes."""
     attached = np.tile([n in machine.carried for n in machine.scene.payloads], (len(given.t), 1))
     with warnings.catch_warnings():  # a slow stop goes far beyond the limits: these are no degrees
         warnings.filterwarnings("ignore", "q: joint .* in degrees", PinfricWarning)

@@ -71,11 +71,11 @@ class Smoothed:
     """Dynamics with smooth friction of one scene, one state at a time; for one thread.
 
     Attributes:
-        width: w (rad/s or m/s).
+        width: w (rad/s or m/s), the speed up to which friction rises smoothly from 0.
 
     Args:
-        derived: of the scene, used by nothing else.
-        width: w.
+        derived: derivatives of the scene, whose buffers nothing else uses.
+        width: see the attribute.
 
     Raises:
         StateError: a width of 0 or below.
@@ -152,7 +152,8 @@ class Smoothed:
         """Return how far efforts are at most beyond those of the exact joints at rest (N m or N).
 
         Of every site the max over 0 < |v| < w of s(v/w) (mu c + coulomb) + drag - (mu_s c +
-        coulomb_s), or 0. Motor torques have the drag of the motor besides.
+        coulomb_s), or 0, as where drag within w is at most static less kinetic friction. Motor
+        torques have the drag of the motor besides.
 
         Args:
             load: (ns,) loads c (N m or N); None: the least, which is the worst unless drag grows.

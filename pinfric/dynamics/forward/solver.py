@@ -64,6 +64,8 @@ _FLAGS = {flags: np.array(flags) for flags in product((False, True), repeat=3)}
 class InverseInstant(NamedTuple):
     """The efforts of a motion at one state; fields as in `InverseResult`, without its first axis.
 
+    So efforts are (na,), what belongs to sites (ns,), and `wrench` is (ns, 6).
+
     Attributes:
         joint_effort_lower, joint_effort_upper: (na,) motors' torques seen from the joints, ratio x
             motor_torque: all that a torque command there contains.
@@ -338,9 +340,10 @@ class Solver:
     """Inverse and forward dynamics of one scene, one state at a time.
 
     For controllers, optimizers and integrators. When the solver is made, the kernels of `inverse`
-    and `forward` are compiled, which takes a minute or two with an empty cache. The next call of
-    the same thread overwrites the arrays of a result: copy those that you want to keep. Later
-    changes of `scene.model` do not affect the solver.
+    and `forward` are compiled, which takes a minute or two with an empty cache; that of
+    `compensate` at its first call. The next call of the same thread overwrites the arrays of a
+    result: copy those that you want to keep. Later changes of `scene.model` do not affect the
+    solver.
 
     Attributes:
         scene: the scene, unchanged since.
@@ -416,7 +419,7 @@ class Solver:
     ) -> InverseInstant:
         """Return the efforts of a motion with friction: intervals where joints stick.
 
-        u = M a + h - J_ext^T f_ext - D phi (paper eq. 16, 17; at rest eq. 21, 22); as
+        M a + h - J_ext^T f_ext = S u + J_c^T lambda + D phi (paper eq. 16, 17; at rest eq. 21, 22);
         `inverse_dynamics` of one state without times.
 
         Args:

@@ -175,11 +175,11 @@ def loop_wrenches(linkage: Linkage, X: np.ndarray, solved: np.ndarray) -> np.nda
 def map_friction(
     plan: Plan, samples: LinkedSamples, total_effort: np.ndarray, J: np.ndarray, q: np.ndarray
 ) -> None:
-    """Write `effort`, `y`, `contact` and `singular` of samples.
+    """Write `effort`, `y` and `contact` of samples as affine functions of friction, and `singular`.
 
     Args:
         plan: of inverse dynamics.
-        samples: the others of their fields are known.
+        samples: all other fields of theirs are given.
         total_effort: (n, nv), M a + h.
         J: (n, nx, nv), `kinematics.act_on_joints`.
         q: (n, nq).

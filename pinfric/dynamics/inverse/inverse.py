@@ -74,14 +74,16 @@ def inverse_dynamics(
         q, v, a: (T, nq), (T, nv), (T, nv) in rad, m and per second; or, in place of q alone, a
             motion that has t, q, v, a (and `attached`).
         external: frame name -> (T, 6) or (6,) wrench on it, in its axes at its origin (N, N m).
-        t: (T,) times in s, for reversals, stick intervals and time-weighted figures.
+        t: (T,) times in s, for reversals, stick intervals and time-weighted figures; None: states
+            without order, no reversals are looked for.
         attached: (T, np) which payloads are carried; columns as `scene.payloads`.
         threads: of Pinocchio; None chooses by the number of samples (one in a forked process).
         chunks: return an iterator of results of this many samples each; a stick interval that
             continues into the next is in both.
 
     Raises:
-        StateError: not real numbers, a wrong shape, a value not finite, times not increasing.
+        StateError: not real numbers, a wrong shape, a value not finite, times not increasing, ends
+            of a cylinder that coincide.
         RollMomentError: a guide without width is loaded by a moment about its axis.
         LoopMotionError: a loop is open, or the motion violates it.
         SceneError: redundant drives without `share`.

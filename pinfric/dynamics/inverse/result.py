@@ -119,7 +119,7 @@ class InverseResult(SolvedMotion, Shown):  # noqa: D101 (that of its fields)
 
     @property
     def times(self) -> np.ndarray:
-        """`t` of a result that has it."""
+        """(T,) times in s; of a result that has times only."""
         return self.states.times
 
     @property

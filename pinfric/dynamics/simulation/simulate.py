@@ -125,16 +125,16 @@ def simulate(
         breakpoints: times (s) at which an effort function or its slope jumps; not for tables.
         external: frame name -> (6,) constant wrench on it, in its axes at its origin (N, N m).
         attached: names of the payloads carried; None takes those attached by default.
-        progress: function of t, called at every step; True shows a bar; None does on a terminal if
-            the run takes longer than two seconds.
+        progress: function of t, called at every step; True shows a bar, False none; None shows one
+            on a terminal if the run takes longer than two seconds.
         numbers: control_period, rtol, atol, dt, sample_step, ...; see `Numbers`.
 
     Raises:
         SimulationError: an effort beyond the friction of a joint that moves no mass, an invalid
             argument, an effort function that raises, an integration that cannot continue.
         StateError: q0, v0 of a wrong shape or not finite.
-        AccelerationError: none, several, undecided or a jam, with time and state; its `motion` is
-            that until then. After Ctrl-C the motion until then is returned, with status
+        AccelerationError: none, several, undecided or a jam, with time, state and the
+            `motion` until then. After Ctrl-C the motion until then is returned, with status
             `interrupted` (before the first sample the interrupt is raised).
 
     >>> import pinfric as pf

@@ -316,9 +316,11 @@ def _continued(position: FloatArray, span: int, fitted: int) -> FloatArray:
 
 
 def noise_gain(step: float, cutoff: float, order: int, gaussian: bool = False) -> float:
-    """Return the standard deviation of a derivative of low-passed white noise of sigma 1.
+    """Return the standard deviation of a derivative, of this order, of low-passed white noise.
 
-    sqrt(2 dt int (2 pi f)^(2 order) gain(f)^2 df) up to half the sampling rate.
+    The noise has sigma 1, and gain(f) is that of `low_pass`:
+
+        sqrt(2 dt int (2 pi f)^(2 order) gain(f)^2 df)    up to half the sampling rate.
     """
     frequency = np.linspace(0.0, 0.5 / step, 4001)
     gain = _gain(frequency, cutoff, gaussian) * (2.0 * np.pi * frequency) ** order

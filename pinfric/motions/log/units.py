@@ -227,7 +227,8 @@ def impossible_motions(
 ) -> list[str]:
     """Return a line for each joint that stands still or jumps as no joint can.
 
-    A frozen encoder stops from full motion within a row, or leaps afterwards to where the joint is.
+    `position` is unwrapped. A frozen encoder stops from full motion within a row, or leaps
+    afterwards to where the joint is.
     A jump is too fast for the time since the joint last moved, and far longer than other steps.
     """
     steps, problems = np.diff(t), []
@@ -280,8 +281,8 @@ def wrong_velocities(
         int v dt = k (q(end) - q(start)) + offset    over parts of the log
 
     Both sides have errors, so k is between the regressions of either on the other, and its interval
-    holds both with theirs, of 95 %. A clock at half its speed makes k = 2. `velocity`: (T, nj) as
-    logged, rad/s or m/s; NaN where there is none.
+    holds both with theirs, of 95 %. A clock at half its speed makes k = 2. `position` is
+    unwrapped; `velocity`: (T, nj) as logged, rad/s or m/s; NaN where there is none.
 
     Source: Frisch, Statistical Confluence Analysis (1934): bounds with errors in both variables.
     """

@@ -80,7 +80,7 @@ def replay(
         scene: the robot the motion is of.
         motion: a result of `inverse_dynamics` with times, or a simulated motion.
         html: file to write; None writes none, unless a browser needs one.
-        open_browser: show it at once, if there is a display.
+        open_browser: show it at once; without a display `html` of the result says where it is.
         title: heading; None takes the scene's name.
         rate: frames per second; samples at which sticking begins or ends are always frames.
         log: of the motion; where its efforts differ from the computed ones is marked.
