@@ -45,8 +45,7 @@ class Problem(NamedTuple):
         gear_rotor: (ng, 2) what arrives at each at r = 0 (N m or N), and its rotor's inertia per r.
         gear_lines: (ng, 4, n, 3) slope, offset and least effort of the lines of each, in ascending
             order: in forward motion, in backward motion, then in both from rest. Lines that fill
-                the
-            table repeat the last slope and begin at inf.
+            the table repeat the last slope and begin at inf.
         gear_held: (ng, m, 2) the intervals of efforts that each holds at rest; inf, -inf: none.
     """
 

@@ -140,7 +140,7 @@ def solve_instant(
     Returns:
         (outcome, number of solutions or -1, how many obey, how many are at rest). The outcome is 0,
         `NOT_FINITE`, `SINGULAR`, `TOGGLE` (the loops allow more motions than elsewhere) or
-            `NOT_TRIED`.
+        `NOT_TRIED`.
     """
     m, resting = machine.modes, 0
     move(machine, v)
