@@ -6,9 +6,7 @@ import itertools
 
 import numpy as np
 import pytest
-from friction_cases import (
-    random_problem,
-)
+from friction_cases import random_problem
 from scipy.optimize import linprog
 
 from pinfric.friction.rest import Mechanism
@@ -58,6 +56,7 @@ def test_the_ways_to_slip_are_those_that_linear_programs_allow(freedoms, seed, m
     weak = np.array([forced.get(i, 0.0) for i in range(5)])
     levels = list(kinematics.levels(forced))
     assert len(levels) == 6 - len(forced)
+    assert list(kinematics.levels(forced, fewest=1)) == levels[1:]
     for level, all_ways in enumerate(levels):
         yielded = [
             tuple(0.0 if i in forced else ways.get(i, 0.0) for i in range(5)) for ways in all_ways
