@@ -34,7 +34,7 @@ from pinfric.kernels.progress import CompileProgress
 
 _DIGEST_SIZE = 16
 #: Of what the files hold, and of how kernels are compiled.
-_FORMAT = 1
+_FORMAT = 2
 #: So many versions of a kernel's sources keep what was compiled from them.
 _KEPT = 8
 Fields = TypeVar("Fields", bound=tuple[Any, ...])
@@ -48,7 +48,7 @@ _INNER = {
     CPUCodeLibrary: ("_get_module_for_linking",),
     FunctionIdentity: ("_unique_ids",),
     Dispatcher: ("_compile_for_args", "compile", "get_call_template"),
-    FunctionCache: ("load_overload", "save_overload", "_impl_class"),
+    FunctionCache: ("load_overload", "save_overload", "_impl_class", "_index_key"),
     IndexDataCacheFile: ("_dump", "_load_index", "_load_data", "_save_index"),
     structref.StructRefProxy: ("_type",),
 }
@@ -418,6 +418,11 @@ class _CheckedCache(FunctionCache):
         self._cache_file = _CheckedFile(self.cache_path, re.sub("[^.\\w]", "", name), stamp)
         self.index = self._impl.index = self._cache_file._index_name
 
+    def _index_key(self, sig: Any, codegen: Any) -> Any:
+        """Return numba's key with texts for types: of a NamedTuple numba notes its class alone."""
+        _, target, code = super()._index_key(sig, codegen)
+        return tuple(map(_described, getattr(sig, "args", sig))), target, code
+
     def kept(self, sig: Any, target_context: Any) -> Any:
         """Return the cached kernel for arguments of these types, or None."""
         compiled = super().load_overload(sig, target_context)
@@ -439,8 +444,22 @@ class _CheckedCache(FunctionCache):
             super().save_overload(sig, data)
 
 
+def _described(kind: Any) -> str:
+    """Return a type as text with the names of fields in their order: kernels read them by place."""
+    of: Any = getattr(kind, "instance_class", type(kind))
+    if isinstance(kind, types.StructRef):
+        fields = dict(kind.field_dict)
+    elif isinstance(kind, types.BaseTuple):
+        parts: Any = kind
+        fields = dict(zip(getattr(of, "_fields", range(len(parts))), parts, strict=True))
+    else:
+        return str(kind)
+    inner = ", ".join(f"{name}: {_described(part)}" for name, part in fields.items())
+    return f"{of.__module__}.{of.__qualname__}({inner})"
+
+
 def _source_stamp(function: Callable[..., Any]) -> tuple[Any, ...]:
-    """Files and constants of a kernel and its callees, on which the machine code depends."""
+    """Files, constants and names of fields of a kernel and its callees: its code follows them."""
     here = function.__globals__
     reached = {here["__name__"]: here}
     for names in (queue := [here]):  # grows while it is walked
@@ -455,9 +474,10 @@ def _source_stamp(function: Callable[..., Any]) -> tuple[Any, ...]:
         names = reached[name]
         file = names["__file__"]
         constants = [
-            (key, value)
+            (key, getattr(value, "_fields", value))
             for key, value in sorted(names.items())
-            if isinstance(value, int | float) and not key.startswith("__")
+            if (isinstance(value, int | float) or hasattr(value, "_fields"))
+            and not key.startswith("__")
         ]
         stamp.append((name, _content(file, Path(file).stat().st_mtime_ns), constants))
     return tuple(stamp)

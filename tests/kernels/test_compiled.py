@@ -7,11 +7,13 @@ import shutil
 import subprocess
 import sys
 import warnings
+from collections import namedtuple
 from contextlib import suppress
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
 
 import numba
+import numpy as np
 import pytest
 
 from pinfric.errors import PinfricError, PinfricWarning
@@ -45,6 +47,42 @@ def chosen(k, twice, x):
 def all_four(x):
     return chosen(0, True, x) + chosen(1, True, x) + chosen(1, False, x) + chosen(0, False, x)
 """
+FIELDS = """
+from fields_of_a_test import Pair
+from pinfric.kernels.compiled import kernel, record
+
+@kernel
+def of_argument(pair):
+    return pair.first - pair.second
+
+@kernel
+def of_several(pairs):
+    return of_argument(pairs[1])
+
+@kernel
+def of_its_own(x):
+    return Pair(x, x + 1).second - x
+
+box = record(Pair)
+"""
+#: The first friction (N m) of a motion by `Solver.inverse`, without its other kernels.
+FRICTION = """
+import sys
+import numpy as np
+import pinfric as pf
+from pinfric.dynamics.forward.solver import box_sample, finish_sample, make_sample
+from pinfric.dynamics.forward.workspace import Workspace
+from pinfric.kernels.compiled import compiling
+
+scene = pf.load_scene(sys.argv[1])
+ws = Workspace(scene)
+x = make_sample(ws, scene)
+ws.pinocchio.balance(*np.ones((3, scene.model.nv)))
+with compiling():
+    finish_sample(box_sample(x), *np.ones((3, scene.model.nv)))
+hits = sum(finish_sample._cache_hits.values())
+print(scene.site_tables._fields[0], x.found.friction_lower[0, 0], hits)
+"""
 CHAIN = """
 import sys
 import numba
@@ -72,13 +110,13 @@ for each in [globals()[name] for name in sys.argv[1:]] or [eighth]:
 """
 
 
-def python(folder, *arguments):
+def python(folder, *arguments, path=ROOT):
     return subprocess.run(
         [sys.executable, *arguments],
         cwd=folder,
         capture_output=True,
         text=True,
-        env={**os.environ, "PYTHONPATH": str(ROOT), "NUMBA_CACHE_DIR": str(folder / "cache")},
+        env={**os.environ, "PYTHONPATH": str(path), "NUMBA_CACHE_DIR": str(folder / "cache")},
         check=True,
         timeout=120,
     )
@@ -169,6 +207,58 @@ def test_a_cache_that_names_a_class_gone_since_is_compiled_anew(tmp_path, monkey
     assert file.load("key") is None
     file.save("key", 42.0)
     assert file.load("key") == 42.0
+
+
+@pytest.mark.parametrize("how", ["argument", "record", "in a tuple", "of its own"])
+def test_fields_in_another_order_are_another_kernel(how, tmp_path, monkeypatch):
+    """Kernels read fields by their places; numba knows a NamedTuple by its class."""
+    monkeypatch.setattr("numba.config.CACHE_DIR", str(tmp_path / "cache"))
+    (tmp_path / "kernels_of_a_test.py").write_text(FIELDS)
+    module = ModuleType("fields_of_a_test")
+    monkeypatch.setitem(sys.modules, module.__name__, module)
+    for order, hits in (("first", "second"), 0), (("second", "first"), 0), (("second", "first"), 1):
+        module.Pair = namedtuple("Pair", order, module=module.__name__)
+        module.__file__ = str(tmp_path / "kernels_of_a_test.py")
+        kernels = ModuleType("kernels_of_a_test")
+        kernels.__file__ = module.__file__
+        monkeypatch.setitem(sys.modules, kernels.__name__, kernels)
+        exec(compile(FIELDS, kernels.__file__, "exec"), vars(kernels))
+        pair = module.Pair(first=np.array([5.0]), second=np.array([2.0]))
+        if how == "of its own":
+            called, answer = kernels.of_its_own, call_compiled(kernels.of_its_own, 1.0)
+            assert answer == (1.0 if order[0] == "first" else 0.0)
+        elif how == "in a tuple":
+            called, answer = kernels.of_several, call_compiled(kernels.of_several, (pair, pair))
+            assert answer == 3.0
+        else:
+            given = kernels.box(pair) if how == "record" else pair
+            called, answer = kernels.of_argument, call_compiled(kernels.of_argument, given)
+            assert answer == 3.0
+        assert sum(called._cache_hits.values()) == hits
+
+
+@pytest.mark.slow
+def test_a_package_with_fields_in_another_order_does_not_read_the_kernels_of_this_one(tmp_path):
+    """As after an update: one folder of kernels, `SiteTables` with two fields changed over."""
+    shutil.copytree(
+        ROOT / "pinfric", tmp_path / "pinfric", ignore=shutil.ignore_patterns("__pycache__")
+    )
+    said = []
+    for swaps in (False, True):
+        if swaps:
+            file = tmp_path / "pinfric/model/scene.py"
+            first, last = "    joint: np.ndarray\n", "    velocity_index: np.ndarray\n"
+            text = file.read_text()
+            begin, end = text.split("class SiteTables(NamedTuple):")
+            end = end.replace(first, "\0", 1).replace(last, first, 1).replace("\0", last)
+            file.write_text(f"{begin}class SiteTables(NamedTuple):{end}")
+        for _ in range(2):
+            run = python(tmp_path, "-c", FRICTION, str(ROOT / "robots/go2.yaml"), path=tmp_path)
+            said.append(run.stdout.split())
+    fields, friction, hits = zip(*said, strict=True)
+    assert fields == ("joint", "joint", "velocity_index", "velocity_index")
+    assert hits == ("0", "1", "0", "1")
+    assert len(set(friction)) == 1
 
 
 @pytest.mark.slow
