@@ -111,8 +111,9 @@ def _comments(findings: Findings) -> dict[tuple[str, ...], str]:
         error = findings.errors[name]
         where = ("actuators", str(order.index(name))) if on_motor(law) else ("friction", name)
         comments[where] = (
-            f"{law}: held-out error {100 * error.share:.1f} % "
-            f"({error.error / error.plain:.2f} of that with {PLAIN})"
+            f"{law}: held-out error {100 * error.moving_share:.1f} % moving, "
+            f"{100 * error.share:.1f} % in fitted rows "
+            f"({error.of_plain:.2f} of that with {PLAIN})"
         )
     return comments
 

@@ -20,24 +20,37 @@ from pinfric.model.scene import Scene
 
 @described
 class HeldOut:
-    """Error of a joint's predicted effort on held-out data."""
+    """Error of a joint's predicted effort on held-out data, behind the fit's low pass.
 
-    rms: float = quantity("RMS of the measured effort", EFFORT, "effort\nRMS")
-    error: float = quantity("RMS of measured less predicted", EFFORT)
+    Fitted rows slide, away from turning points; moving rows are all that move, these among them.
+    """
+
+    rms: float = quantity("RMS of the measured effort in fitted rows", EFFORT)
+    error: float = quantity("RMS of measured less predicted in fitted rows", EFFORT)
     plain: float = quantity(
         "the same with Coulomb and viscous friction only; NaN: not computed", EFFORT
     )
+    moving_rms: float = quantity(
+        "RMS of the measured effort in all moving rows", EFFORT, "effort\nRMS"
+    )
+    moving_error: float = quantity("RMS of measured less predicted in all moving rows", EFFORT)
 
     @property
-    @derived(heading="prediction\nerror", cell="{share:percent}")
+    @derived(heading="error\nmoving", cell="{moving_share:percent}")
+    def moving_share(self) -> float:
+        """The error in all moving rows as a share of the measured effort there."""
+        return self.moving_error / self.moving_rms if self.moving_rms else float("nan")
+
+    @property
+    @derived(heading="error\nin fitted\nrows", cell="{share:percent}")
     def share(self) -> float:
-        """The error as a share of the measured effort."""
+        """The error in fitted rows as a share of the measured effort there."""
         return self.error / self.rms if self.rms else float("nan")
 
     @property
     @derived(heading="times that\nof Coulomb\n+ viscous", cell="{of_plain:.2f}")
     def of_plain(self) -> float:
-        """The error over that with Coulomb and viscous friction; NaN where not computed."""
+        """The error in fitted rows over that with Coulomb and viscous friction, or NaN."""
         return self.error / self.plain if self.plain else float("nan")
 
 

@@ -14,10 +14,9 @@ from pinfric.dynamics.inverse.inverse import inverse_dynamics
 from pinfric.dynamics.inverse.result import InverseResult
 from pinfric.errors import IdentificationError, choose_from
 from pinfric.identification.checks import check_one_robot
-from pinfric.identification.columns import joint_rows, prepare, settled, thinning
-from pinfric.identification.estimate import Estimate, Question, estimate, reloaded, turns
+from pinfric.identification.estimate import Estimate, Question, estimate, turns
 from pinfric.identification.files import identified_files
-from pinfric.identification.findings import Findings, HeldOut
+from pinfric.identification.findings import Findings
 from pinfric.identification.laws import COULOMB, RESTS_ON, STRIBECK_VELOCITY, K, Law
 from pinfric.identification.misfit import misfits
 from pinfric.identification.normal import Fit, FrictionNormalEquations, residuals
@@ -29,6 +28,7 @@ from pinfric.identification.parameters import (
     scene_key,
     scene_value,
 )
+from pinfric.identification.prediction import held_out_errors, unseen_errors
 from pinfric.identification.recordings import Recording, check_scene, read_recordings
 from pinfric.identification.rest import break_aways, rest_bounds
 from pinfric.identification.uncertainty import Uncertainty, uncertainty
@@ -64,7 +64,7 @@ class Identified(Findings, Shown):  # noqa: D101 (that of its fields)
     def __repr__(self) -> str:
         logs = counted(len(self.recordings), "log")
         unknown = [p.key for p in self.parameters if not p.determined]
-        errors = [f"{100 * error.share:.1f} %" for error in self.errors.values()]
+        errors = [f"{100 * error.moving_share:.1f} %" for error in self.errors.values()]
         return screen(
             "Identified",
             f"{file_name(self.scene.source)} from {logs}",
@@ -182,14 +182,8 @@ def _identified(estimate: Estimate, unseen: Sequence[Recording], seed: int) -> I
         laws={names[j]: estimate.choice.laws[j] for j in estimate.known},
         parameters=coefficients,
         posterior=_posterior(estimate, known, seed),
-        errors={
-            name: HeldOut(_rms(rows.effort), float(chosen), float(plain))
-            for name, rows, chosen, plain in zip(
-                names, estimate.rows, *estimate.errors, strict=True
-            )
-            if rows.effort.size
-        },
-        unseen={recording.name: _predicted(estimate, recording) for recording in unseen},
+        errors=held_out_errors(estimate, better),
+        unseen={log.name: unseen_errors(estimate, better, log) for log in unseen},
         rest=bounds,
         spread=spread,
         delay=estimate.delay.value,
@@ -252,22 +246,6 @@ def _check_options(scene: Scene, effort_at: str, inertia: str, laws: Mapping[str
                 f"laws: {name}: {law}: the scene names no bearing of it; add `bearing` and `mu` to "
                 f"friction.{name}, or take another law"
             )
-
-
-def _predicted(estimate: Estimate, recording: Recording) -> dict[str, HeldOut]:
-    thin, no_gravity = thinning([recording]), estimate.question.no_gravity
-    prepared = reloaded(estimate, prepare(estimate.question.scene, recording, thin, no_gravity))
-    prepared = settled(prepared) if any(estimate.delay.builds_up) else prepared
-    rows = [joint_rows([prepared], j, estimate.delay.value) for j in range(len(estimate.rows))]
-    return {
-        name: HeldOut(_rms(own.effort), _rms(residuals(own, estimate.fit, j)), np.nan)
-        for j, (name, own) in enumerate(zip(estimate.scene.joint_names, rows, strict=True))
-        if own.effort.size
-    }
-
-
-def _rms(x: FloatArray) -> float:
-    return float(np.sqrt(np.mean(x**2)))
 
 
 def _posterior(estimate: Estimate, known: Uncertainty, seed: int) -> dict[str, FloatArray]:

@@ -39,7 +39,9 @@ class JointFriction:
         heading="between\nlogs",
         cell="{spread_between_logs:percent}",
     )
-    held_out: Mapping[str, float] = quantity("law -> held-out error of every candidate", EFFORT)
+    held_out: Mapping[str, float] = quantity(
+        "law -> error of every candidate, as the choice among them saw it", EFFORT
+    )
 
 
 @described
@@ -59,7 +61,11 @@ class Considered:
     law: str = quantity("in words", heading="law")
     coefficients: int = quantity("number of coefficients", heading="coefficients")
     unit: str = quantity('of the joint\'s efforts, "N m" or "N"', heading="unit")
-    error: float = quantity("RMS of measured less predicted", EFFORT, "held-out\nerror")
+    error: float = quantity(
+        "RMS of measured less predicted in fitted rows, in blocks held out of the fit that chose",
+        EFFORT,
+        "error in\nthe choice",
+    )
     of_plain: float = quantity(
         "the error / the error with Coulomb and viscous friction",
         heading="times that\nof Coulomb\n+ viscous",

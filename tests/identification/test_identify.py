@@ -8,6 +8,8 @@ import pytest
 import yaml
 from cli_cases import refused, told
 from identify_cases import (
+    COULOMB,
+    DELAY,
     NAMES,
     PLAIN,
     ROTOR,
@@ -26,10 +28,14 @@ import pinfric as pf
 from pinfric.errors import IdentificationError
 from pinfric.identification.files import scene_text
 from pinfric.identification.identify import beside_measured
+from pinfric.identification.prediction import unseen_errors
 from pinfric.identification.summary import identify_summary
 from pinfric.model.described import in_json
 from pinfric.model.schema import Assumed
 from pinfric.show.timeline.frames import make_frames
+
+#: rad over which friction builds up after a reversal.
+WAY = 8e-3
 
 
 def test_an_unseen_motion_takes_the_efforts_that_the_true_robot_needs(found):
@@ -49,6 +55,38 @@ def test_what_follows_the_urdf_is_as_uncertain_as_that(found):
 def test_a_held_out_log_is_predicted_to_its_noise(found):
     errors = found.unseen["other"]
     assert all(error.error < 0.03 * error.rms for error in errors.values())
+
+
+def test_friction_that_builds_up_is_in_the_error_of_all_that_moves(found):
+    recording = found.recordings[0]
+    t, v = recording.trajectory.t, recording.velocity
+    lacks, since = np.zeros_like(v), np.ones(6)  # F_C sign v exp(-x/WAY), and x of each joint
+    for k in range(1, t.size):
+        since = np.where(v[k] * v[k - 1] <= 0.0, 0.0, since + np.abs(v[k]) * (t[k] - t[k - 1]))
+        lacks[k] = np.where(v[k] < 0.0, *np.array(COULOMB).T[::-1] * np.sign(v[k]))
+        lacks[k] *= np.exp(-since / WAY)
+    late = np.column_stack([np.interp(t - DELAY, t, column) for column in lacks.T])
+    other = replace(recording, effort=recording.effort - late)
+    before, after = (unseen_errors(found.estimate, found.scene, x) for x in (recording, other))
+    for name, added in zip(before, np.sqrt(np.mean(lacks**2, axis=0)), strict=True):
+        grew = np.sqrt(after[name].moving_error ** 2 - before[name].moving_error ** 2)
+        assert 0.6 * added < grew < 1.05 * added, name  # the low pass takes some of it
+        assert before[name].moving_error < 1.1 * before[name].error, name
+        assert after[name].moving_error > 1.1 * after[name].error, name
+
+
+@pytest.mark.slow
+def test_a_log_as_it_is_has_one_error_in_identify_and_inverse(found, tmp_path):
+    """`inverse` of the written scene along the log says what the identified scene says."""
+    found.save(tmp_path)
+    result, log = beside_measured(found)
+    again = pf.inverse_dynamics(pf.load_scene(tmp_path / "scene.yaml"), result.states)
+    for ours, theirs in (
+        (result.joint_effort_lower, again.joint_effort_lower),
+        (result.joint_effort_upper, again.joint_effort_upper),
+    ):
+        np.testing.assert_allclose(ours, theirs, rtol=1e-6, atol=1e-9)
+    assert set(log.measured) == set(found.errors)
 
 
 def test_a_replay_marks_where_the_log_is_off(found):

@@ -38,8 +38,12 @@ class MeasuredEffort:
 
     name: str = quantity("the drive", heading="joint", name=True)
     unit: str = quantity('of its efforts, "N m" or "N"', heading="unit")
-    rms: float = quantity("RMS of the measured effort over time", EFFORT, "measured\nRMS")
-    rms_error: float = quantity("RMS of measured less computed", EFFORT, "off\nRMS")
+    rms: float = quantity("RMS of the measured effort over the log", EFFORT, "measured\nRMS")
+    rms_error: float = quantity(
+        "RMS of measured less computed over the log as it is: rest, noise and delay included",
+        EFFORT,
+        "off\nRMS",
+    )
     relative_error: float = quantity("rms_error / rms", heading="off", cell="{relative_error:%}")
     rest: float = quantity("how long the drive sticks", "s", "sticks", default=0.0)
     coverage: float = quantity(

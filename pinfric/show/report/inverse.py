@@ -69,7 +69,7 @@ def inverse_report(
         None
         if log is None or not log.measured
         else table_of(
-            f"logged efforts ({EFFORT_PLACES[log.at]}) compared with computed ones",
+            f"efforts of the whole log ({EFFORT_PLACES[log.at]}) beside computed ones",
             list(log.measured.values()),
         ),
         *bent,
