@@ -30,6 +30,8 @@ REMOVED = {
         ),
         "name a `drive` of a catalogue, motor and gear",
     ),
+    "DriveLimits.transmission": "give it to the scene, under `actuators`",
+    "NamedDrive.transmission": "give it to the scene, under `actuators`",
     "pinfric.run_scene": "call pf.simulate(scene)",
     "pinfric replay --live": "the page plays without a server (--html FILE)",
     "pinfric sweep --scheduler": "write --cluster ADDRESS",

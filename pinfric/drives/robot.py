@@ -8,9 +8,10 @@ as at the last exact solution, and a choice is settled only by one at its own ma
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -38,7 +39,7 @@ from pinfric.dynamics.samples.states import MotionLike, States
 from pinfric.errors import SizingError
 from pinfric.model.mass_matrix import mass_matrices
 from pinfric.model.scene import Scene
-from pinfric.model.schema import Actuator, Transmission
+from pinfric.model.schema import Actuator, Product
 from pinfric.model.urdf import implausible_body
 from pinfric.motions.trajectory import Trajectory
 
@@ -243,21 +244,11 @@ def with_masses(scene: Scene, masses: Masses) -> Scene:
     return replace(scene, model=model) if changed else scene
 
 
-def geared(scene: Scene, gears: Mapping[str, Transmission | None]) -> Sequence[Actuator]:
-    """Return the scene's actuators, those of the named drives with other transmissions."""
-    actuators = scene.actuators
-    if actuators is None:
-        actuators = [Actuator(joint=drive.name) for drive in scene.drives]
-    return [
-        a.model_copy(update={"transmission": gears[a.drive_name]}) if a.drive_name in gears else a
-        for a in actuators
-    ]
-
-
 def equip(scene: Scene, drives: Mapping[int, Candidate], conditions: Conditions) -> Scene:
     """Return the scene with drives of a catalogue: their masses and gears in place of its own.
 
-    Its `masses` says then that its links hold them. A drive whose mass is not known adds none.
+    Its `masses` says then that its links hold them, `installed` which they are. A drive whose mass
+    is not known adds none.
 
     Args:
         drives: by their columns. conditions: `mass_in_urdf`.
@@ -270,13 +261,24 @@ def equip(scene: Scene, drives: Mapping[int, Candidate], conditions: Conditions)
     heavier = with_masses(
         bare, added_masses(bare, conditions, {i: drive.mass for i, drive in drives.items()})
     )
-    gears = {names[i]: drive.transmission for i, drive in drives.items()}
+    fitted = {names[i]: _fitted(drive) for i, drive in drives.items()}
+    actuators = scene.actuators
+    if actuators is None:
+        actuators = [Actuator(joint=drive.name) for drive in scene.drives]
+    changed = [a.model_copy(update=fitted.get(a.drive_name, {})) for a in actuators]
     words = {True: "with_drives", False: "without_drives"}
     held = {
         n: words[hold] for n, hold in zip(names, scene.masses_hold, strict=True) if hold is not None
     }
     held |= {names[i]: "with_drives" for i, drive in drives.items() if drive.mass is not None}
-    return replace(heavier, actuators=geared(heavier, gears), masses=held or scene.masses)
+    return replace(heavier, actuators=changed, masses=held or scene.masses, sized=None)
+
+
+def _fitted(drive: Candidate) -> dict[str, Any]:
+    """The entries of an actuator that are a drive's."""
+    gear = drive.transmission
+    product = None if gear is None else Product(drive=drive.name, brake=drive.brake or None)
+    return {"transmission": gear, "installed": product}
 
 
 def loads(scene: Scene, drive: int, actuator: int) -> bool:

@@ -53,6 +53,7 @@ from pinfric.model.schema import (
     Measured,
     Payload,
     Simulation,
+    Sized,
     Stops,
     guesses_left,
 )
@@ -158,6 +159,7 @@ class Scene:
         assumed: which entries are guesses.
         measured: where its friction was measured; other friction in `with_` drops it.
         stops: input of `pinfric stop`.
+        sized: the masses for which its drives were chosen; other masses in `with_` keep it.
         closed_brakes: drive -> torque (N m) of a closed brake at its motor's shaft: dry friction
             there, in forward dynamics with torques of motors given.
         springs: springs and hoses, as `Spring` or as the mappings of a scene file.
@@ -187,6 +189,7 @@ class Scene:
     assumed: Assumed | None = None
     measured: Measured | None = None
     stops: Stops | None = None
+    sized: Sized | None = None
     closed_brakes: Mapping[str, float] = field(default_factory=dict)
     start: Mapping[str, float] | Sequence[float] | None = None
     springs: Sequence[Spring] = ()
@@ -230,6 +233,7 @@ class Scene:
             "loop_tolerance": LoopTolerance,
             "measured": Measured,
             "simulation": Simulation,
+            "sized": Sized,
             "stops": Stops,
         }
         for name, kind in kinds.items():

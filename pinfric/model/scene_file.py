@@ -96,6 +96,7 @@ def load_scene(path: str | Path) -> Scene:
         assumed=entries.assumed,
         measured=entries.measured,
         stops=entries.stops,
+        sized=entries.sized,
         springs=entries.springs,
     )
 

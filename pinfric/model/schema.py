@@ -288,6 +288,20 @@ class Redundancy(Entry):
     length: Positive = key("l, which weights moments against forces", 0.1, "m", default=0.1)
 
 
+class Product(Entry):
+    """The product that is installed as a drive, by the names of a catalogue."""
+
+    drive: Text = key("motor and gear as `pinfric size` names them", "CubeMars AK80-64")
+    brake: Text | None = optional("at the motor's shaft", "Kendrion INTORQ BFK551-01")
+
+
+class Sized(Entry):
+    """The masses for which `pinfric size` chose the drives; `retime` refuses others."""
+
+    joints: dict[str, Number] = key("mass that moves with each joint, kg", {"elbow": 4.2})
+    payloads: dict[str, Number] = key("masses, kg", {"part": 5.0}, default_factory=dict)
+
+
 class Actuator(Entry):
     """One drive: on a joint (of the robot or of a loop), a cylinder, or a force at a point.
 
@@ -313,6 +327,9 @@ class Actuator(Entry):
     transmission: SerializeAsAny[Transmission] | None = optional(
         "gear and motor; without it an ideal drive", {"ratio": 100}
     )
+    installed: Product | None = optional(
+        "the product whose figures stand under `transmission`", {"drive": "CubeMars AK80-64"}
+    )
     encoder: Literal["motor", "joint"] = key(
         "angle that the controller measures; with `motor` the wind-up of an elastic gear "
         "moves the joint, with `joint` the controller corrects it",
@@ -333,6 +350,11 @@ class Actuator(Entry):
             raise ValueError(f"an actuator is one of joint, cylinder, force; found {kinds}")
         if self.name is not None and self.joint is None:
             raise ValueError(f"give `name` inside `{kinds[0]}`")
+        if self.installed is not None and self.transmission is None:
+            raise ValueError(
+                "`installed` names a product, but its figures are missing: give `transmission` as "
+                "`pinfric size --out` writes it"
+            )
         if self.couples and self.joint is None:
             raise ValueError(f"`couples` is for drives on joints, not for a {kinds[0]}")
         for name, factor in self.couples.items():
@@ -630,6 +652,10 @@ class SceneFile(Entry):
     measured: Measured | None = optional(
         "where its friction was measured",
         {"robot": "UR10e", "side": "motor", "source": "its paper", "grade": "A"},
+    )
+    sized: Sized | None = optional(
+        "written by `pinfric size --out`: the masses that the drives were chosen for",
+        {"joints": {"elbow": 4.2}},
     )
     assumed: Assumed | None = optional(
         "guesses among the entries; every report lists them",

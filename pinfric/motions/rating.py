@@ -106,12 +106,13 @@ class Rated:
     """A rating of one robot: its worst postures, and the moves from there.
 
     Attributes:
-        scene: with the rated payload beside its own. rating: as given.
+        scene: with the rated payload beside those of the `given` one. rating: as given.
         payload: its name in the scene. link: that carries it. reach: of its centre of mass from the
             second joint that carries it (the shoulder), m.
         columns: (nj,) the joints. postures: (P, nj) rad or m. lifts: of the joints before the link.
     """
 
+    given: Scene
     scene: Scene
     rating: Rating
     payload: str
@@ -247,7 +248,7 @@ def rate(scene: Scene, given: Rating | Mapping[str, Any]) -> Rated:
         lifts.append(Lift(arm.drives[i], k, p, float(held[i]), to, speed, time, reached))
     reach = arm.reach(worst[int(held.argmax())])[1]
     return Rated(
-        loaded, rating, payload, link, reach, arm.columns, np.array(postures), tuple(lifts)
+        scene, loaded, rating, payload, link, reach, arm.columns, np.array(postures), tuple(lifts)
     )
 
 

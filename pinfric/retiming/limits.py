@@ -18,16 +18,16 @@ from pydantic import BeforeValidator, PrivateAttr
 from pinfric.drives.catalog import Catalog
 from pinfric.drives.catalog_file import load_catalog
 from pinfric.drives.drivetrain import Candidate
+from pinfric.drives.installed import actuator_of, check_masses, installed_drive
 from pinfric.drives.limit import Limit, idle, read_drive
 from pinfric.drives.limits import LIMITS, instant_limits
 from pinfric.drives.parts import check_names, named_drive
 from pinfric.drives.policy import Conditions, GivenConditions, parse_conditions
-from pinfric.drives.robot import equip, geared
+from pinfric.drives.robot import equip
 from pinfric.errors import CatalogError, RetimeError, choose_from
 from pinfric.model.drives import Drive
 from pinfric.model.entry import Entry, Positive, Version, key, optional, parse
 from pinfric.model.scene import Scene
-from pinfric.model.schema import Transmission
 from pinfric.model.yamlfile import brief, read_yaml
 from pinfric.motions.joint_columns import stated_limit
 from pinfric.motions.summary import effort_unit
@@ -51,7 +51,6 @@ class DriveLimits(Entry):
     continuous_torque: Positive = key(
         "at the motor's shaft, RMS over the cycle", 0.45, "N m", default=math.inf
     )
-    transmission: Transmission | None = optional("replaces the scene's", {"ratio": 100})
     motor: str = key("name shown in tables", "left shoulder", default="")
 
     #: Row of the table -> the bound of a drive of the catalogue, where no key gives it.
@@ -106,6 +105,9 @@ class MotorsFile(Entry):
     """A file of motors: for each drive limits, or a drive of the catalogue."""
 
     pinfric_motors: Version = key("version of the format", 1)
+    robot: str | None = optional(
+        "whose drives `pinfric size` chose; only a scene that has them goes with it", "ur10"
+    )
     catalog: str = key(
         "file, from the folder of this one, or `default` for the bundled one",
         "default",
@@ -159,6 +161,8 @@ def read_limits(scene: Scene, limits: LimitsLike) -> tuple[DriveLimits, ...]:
         content = read_yaml(Path(limits), CatalogError, "pinfric_motors")
         file = parse(MotorsFile, content, str(limits), CatalogError)
         given, others, conditions = file.drives, file.others, file.conditions
+        if file.robot is not None:
+            _check_robot(scene, str(limits), file.robot)
         where = f"{limits}: drives"
         if file.catalog != "default":
             catalog = str(Path(limits).parent / file.catalog)
@@ -190,22 +194,38 @@ def read_limits(scene: Scene, limits: LimitsLike) -> tuple[DriveLimits, ...]:
     return tuple(read)
 
 
+def _check_robot(scene: Scene, file: str, robot: str) -> None:
+    """Refuse a scene that has not the drives that `size` chose: it wrote one that has."""
+    if scene.model.name != robot:
+        raise RetimeError(
+            f"{file}: its drives are of the robot {robot!r}, {scene.source} is of "
+            f"{scene.model.name!r}: give files of one `pinfric size --out`"
+        )
+    for i, name in enumerate(scene.actuator_names):
+        if actuator_of(scene, i).installed is None:
+            raise RetimeError(
+                f"{file}: {scene.source} has no product (`installed`) at {name}: give "
+                "sized.scene.yaml, which stands beside this file and has gears, rotors and brakes; "
+                "if it is that file, an older version wrote it: run `pinfric size --out` again"
+            )
+    check_masses(scene)
+
+
 def limited_scene(scene: Scene, limits: Sequence[DriveLimits]) -> Scene:
-    """Return the scene with the drives' gears and, of a catalogue, their masses.
+    """Return the scene with drives of a catalogue where it has no gear, else as it is.
 
     Raises:
         SizingError: as `equip`.
     """
-    taken = {i: x.from_catalog for i, x in enumerate(limits) if x.from_catalog is not None}
-    if taken:
-        drives = {i: candidate for i, (candidate, _) in taken.items()}
-        scene = equip(scene, drives, next(iter(taken.values()))[1])
-    own = {
-        drive.name: limit.transmission
-        for drive, limit in zip(scene.drives, limits, strict=True)
-        if limit.transmission is not None
+    taken = {
+        i: x.from_catalog
+        for i, x in enumerate(limits)
+        if x.from_catalog is not None and actuator_of(scene, i).transmission is None
     }
-    return scene.with_(actuators=geared(scene, own)) if own else scene
+    if not taken:
+        return scene
+    drives = {i: candidate for i, (candidate, _) in taken.items()}
+    return equip(scene, drives, next(iter(taken.values()))[1])
 
 
 def candidate_limits(candidate: Candidate, conditions: Conditions) -> DriveLimits:
@@ -242,10 +262,7 @@ def candidate_limits(candidate: Candidate, conditions: Conditions) -> DriveLimit
         values["stall_torque"] = torque * volts / float(ratings.voltage(ones, none, hot)[0])
         values["no_load_speed"] = speed * volts / float(ratings.voltage(none, ones)[0])
     known: dict[str, Any] = {key: bound for key, bound in values.items() if math.isfinite(bound)}
-    # the transmission's figures were validated in the entry
-    limits = DriveLimits(**known, motor=candidate.name).model_copy(
-        update={"transmission": candidate.transmission}
-    )
+    limits = DriveLimits(**known, motor=candidate.name)
     limits._rows = {limit.name: bound for limit, bound in bounds.items() if not limit.key}
     limits._drive = candidate, conditions
     return limits
@@ -261,11 +278,12 @@ def _limits(
     if name is not None and catalog is not None:
         try:
             named = named_drive(scene, i, name.removeprefix("default:"), catalog, conditions)
+            named = installed_drive(scene, i, named, catalog.brakes)
         except CatalogError as problem:
             raise RetimeError(f"{where}: {problem}") from None
         limits = candidate_limits(named, conditions)
     elif isinstance(entry, Candidate):
-        limits = candidate_limits(entry, Conditions())
+        limits = candidate_limits(installed_drive(scene, i, entry, {}), Conditions())
     if not isinstance(entry, str | Candidate):
         own = parse(DriveLimits, entry, where, RetimeError)
         changed = {key: getattr(own, key) for key in own.model_fields_set}

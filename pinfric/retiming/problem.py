@@ -253,6 +253,9 @@ def usage(result: InverseResult, limits: Sequence[DriveLimits], needed: bool = F
     for k, limit in enumerate(rows):
         use[:, :, k] = asked[str(limit.need)] / [x.bound(limit) for x in limits]
         if limit.need == "speed":  # the URDF's, of the joints
-            joints = np.abs(result.states.v) / joint_speeds(result.scene)  # drive i is on joint i
-            use[:, :, k] = np.maximum(use[:, :, k], joints)
+            joints = np.abs(result.states.v) / joint_speeds(result.scene)
+            for d, drive in enumerate(result.scene.drives):
+                if drive.velocity_index >= 0:  # a cylinder has no joint's limit
+                    own = joints[:, drive.velocity_index]
+                    use[:, d, k] = np.maximum(use[:, d, k], own)
     return use

@@ -128,7 +128,7 @@ class SizedJoint(JointDemand):
         "largest inertia about the joint over the cycle; none: closed loops couple joints", INERTIA
     )
     choice: str | None = quantity(
-        "the lightest drive that fits the cycle; none: none does", heading="lightest that fits"
+        "the lightest drive that fits the cycle; none: none does", heading="drive"
     )
     decided_by: str | None = quantity(
         "which of cycle and rating alone takes the heavier drive; none: only one is given",

@@ -11,6 +11,7 @@ from pinfric.drives.catalog import Catalog
 from pinfric.drives.catalog_file import load_catalog
 from pinfric.drives.criterion import Status, least_margin
 from pinfric.drives.drivetrain import Candidate
+from pinfric.drives.installed import actuator_of, installed_drive
 from pinfric.drives.limit import idle, number, read_drive
 from pinfric.drives.limits import check
 from pinfric.drives.parts import check_names, criteria_over, named_drive
@@ -108,6 +109,9 @@ def _trial(scene: Scene, catalog: Catalog, conditions: Conditions, joint: str, n
     if not isinstance(scene.drives[actuator], Drive) or not depth(scene, actuator):
         raise SweepError("cannot have a motor with a gear")
     candidate = named_drive(scene, actuator, name, catalog, conditions)
+    product = actuator_of(scene, actuator).installed
+    if product is not None and product.drive == candidate.name:  # on trial is what is there
+        candidate = installed_drive(scene, actuator, candidate, catalog.brakes)
     if candidate.transmission is None:
         raise SweepError(f"{name}: not known: {', '.join(candidate.missing)}")
     judged = read_drive(candidate, None, idle(conditions, depth(scene, actuator) > BASE_AXES))

@@ -21,12 +21,13 @@ def test_the_sized_scene_is_the_reports_and_goes_with_it(tmp_path, capsys):
     read = pf.load_scene(tmp_path / "out/sized.scene.yaml")
     motors = yaml.safe_load((tmp_path / "out/motors.yaml").read_text())
     assert motors["catalog"] == "../catalog.yaml"  # both may move together
-    for ours in (read, limited_scene(scene, read_limits(scene, tmp_path / "out/motors.yaml"))):
-        found = pf.inverse_dynamics(ours, motion)
-        assert np.allclose(found.effort_upper, report.result.effort_upper, rtol=1e-9, atol=1e-9)
-        assert [d.transmission for d in ours.drives] == [
-            d.transmission for d in report.scene.drives
-        ]
+    limits = read_limits(read, tmp_path / "out/motors.yaml")
+    assert limited_scene(read, limits) is read  # a file of motors replaces nothing
+    found = pf.inverse_dynamics(read, motion)
+    assert np.allclose(found.effort_upper, report.result.effort_upper, rtol=1e-9, atol=1e-9)
+    for drive, limit, chosen in zip(read.drives, limits, report.drives, strict=True):
+        assert drive.transmission == chosen.transmission
+        assert limit.from_catalog[0] == chosen
     heavier = read.model.inertias[2].mass - scene.model.inertias[2].mass
     assert heavier > 0
     again = "size", tmp_path / "out/sized.scene.yaml", *size[2:3], *size[-2:]

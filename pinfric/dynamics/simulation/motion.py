@@ -348,7 +348,8 @@ def scene_digests(scene: Scene, given: str) -> dict[str, str]:
         "springs": [spring.model_dump() for spring in scene.springs],
         "actuators": scene.actuator_names,
     }
-    actuators = [actuator.model_dump() for actuator in scene.actuators or ()]
+    named = {"installed"}  # a product's name moves nothing
+    actuators = [actuator.model_dump(exclude=named) for actuator in scene.actuators or ()]
     if given == "motor_torque":
         parts["transmissions"] = actuators
         if scene.closed_brakes:
