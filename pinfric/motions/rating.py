@@ -23,7 +23,7 @@ import pinocchio as pin
 from pinfric.dynamics.inverse.inverse import inverse_dynamics
 from pinfric.errors import TrajectoryError, choose_from
 from pinfric.model.arrays import FloatArray
-from pinfric.model.entry import Entry, NonNegative, Positive, Text, key, optional, parse
+from pinfric.model.entry import parse
 from pinfric.model.mass_matrix import mass_matrices
 from pinfric.model.robot import link_frame
 from pinfric.model.scene import Scene
@@ -32,7 +32,13 @@ from pinfric.model.urdf import PLACEHOLDER_SPEED
 from pinfric.model.yamlfile import yaml_line
 from pinfric.motions.joint_columns import JointColumn, configurations, joint_columns
 from pinfric.motions.trajectory import Trajectory
-from pinfric.motions.waypoints import WayPoint, WayPointFile, sample_waypoints
+from pinfric.motions.waypoints import (
+    Rating,
+    WayPoint,
+    WayPointFile,
+    points_sum,
+    sample_waypoints,
+)
 
 #: Random postures of a search, and how many of them are followed for each joint.
 _TRIED, _FOLLOWED = 4000, 20
@@ -56,27 +62,6 @@ _HOLD, _RATE = 2.0, 100.0
 _ON_THE_WAY = 0.25
 #: max |b''| and max |b'| of a quintic move.
 _PEAK_ACCELERATION, _PEAK_SPEED = 10.0 / math.sqrt(3.0), 15.0 / 8.0
-
-
-class Rating(Entry):
-    """What an arm is rated for, in place of a cycle."""
-
-    payload: Positive = key("rated mass that it carries", 10.0, "kg")
-    payload_offset: NonNegative = key(
-        "of its centre of mass from the origin of `link`, along its z", 0.1, "m", default=0.1
-    )
-    link: Text | None = optional(
-        "that carries it; left out: the scene's `tool`, else the last link", "tool0"
-    )
-    speed: dict[str, Positive] = key(
-        "top speed by joint, in place of the URDF's limit",
-        {"elbow": 3.14},
-        "rad/s or m/s",
-        default_factory=dict,
-    )
-    acceleration_time: Positive = key(
-        "from rest to top speed in the worst posture, one joint alone", 1.5, "s", default=1.5
-    )
 
 
 @dataclass(frozen=True)
@@ -143,11 +128,11 @@ class Rated:
             yield lift, Trajectory.from_arrays(self.scene, *motion, carried, f"rating: {name}")
 
     def waypoints(self) -> str:
-        """Return the whole motion as the text of a way-point file."""
+        """Return the whole motion as the text of a way-point file, which says that it is one."""
         names = [column.name for column in self.columns]
         speeds = np.full(len(names), np.inf)
         speeds[[one.column for one in self.lifts]] = [one.speed for one in self.lifts]
-        lines, posture = list[str](), -1
+        lines, written, posture = list[str](), list[WayPoint](), -1
         for lift, points in self.parts():
             if lift is None:
                 posture += 1
@@ -158,6 +143,7 @@ class Rated:
                 said = [f"worst posture of {', '.join(of)}"]
             else:
                 points, said = points[1:], [f"{names[lift.column]} moves alone", "and back"]
+            written += points
             for point, text in zip(points, said, strict=True):
                 parts = [
                     f"name: {json.dumps(text)}",
@@ -167,8 +153,10 @@ class Rated:
                 parts += [f"hold: {point.hold:g}"] if point.hold else []
                 lines.append(f"  - {{{', '.join(parts)}}}")
         joints = ", ".join(map(yaml_line, names))
+        own = self.rating.model_dump(exclude_defaults=True) | {"points": points_sum(written)}
         head = ["pinfric_trajectory: 1", "profile: quintic", f"sample_rate: {_RATE:g}"]
-        return "\n".join([*head, f"joints: [{joints}]", "points:", *lines, ""])
+        head += [f"rating: {yaml_line(own)}", f"joints: [{joints}]", "points:"]
+        return "\n".join([*head, *lines, ""])
 
 
 def parse_rating(keys: Rating | Mapping[str, Any]) -> Rating:

@@ -48,7 +48,7 @@ from pinfric.motions.log.reading import Reading, ReadingOptions
 from pinfric.motions.loop_motion import complete_motion, named_columns
 from pinfric.motions.table import TrajectoryTable, complete_derivatives
 from pinfric.motions.tool_points import solve_tool_points
-from pinfric.motions.waypoints import read_waypoints, sample_waypoints
+from pinfric.motions.waypoints import Rating, read_waypoints, sample_waypoints
 
 
 class HasModel(Protocol):
@@ -89,6 +89,7 @@ class Trajectory:
         joint_nq: entries of q per joint in `joint_names` (2: continuous); default 1 each.
         warnings: what a person should look at (velocity limits exceeded, noisy derivatives).
         reading: how a file of samples was read; None for way-points and arrays.
+        rating: whose motion it is, as `pinfric new --payload` writes it; None: of none.
 
     Raises:
         TrajectoryError: no samples, shapes that do not agree, time not increasing, not finite.
@@ -105,6 +106,7 @@ class Trajectory:
     joint_nq: tuple[int, ...] = ()
     warnings: tuple[str, ...] = ()
     reading: Reading | None = None
+    rating: Rating | None = None
 
     def __post_init__(self) -> None:
         for name in ("t", "q", "v", "a"):
@@ -266,6 +268,7 @@ class Trajectory:
             a=self.a * scale**2,
             warnings=(),
             reading=None,
+            rating=None,
             source=f"{self.source} at {scale:g} x speed",
         )
 
@@ -374,7 +377,9 @@ def read_trajectory(
         refuse(name, problems)
         waypoints, lines = solve_tool_points(waypoints, scene, columns, name)
         table = sample_waypoints(waypoints, named, _defaults(scene), name, lines)
-        return _from_table(name, scene, columns, named, table)
+        trajectory = _from_table(name, scene, columns, named, table)
+        rating = waypoints.rating
+        return trajectory if rating is None else replace(trajectory, rating=rating.itself)
     robot = getattr(scene, "robot", None)  # none of a model made in Python
     said, choose = Remarks(), partial(named_columns, scene, columns)
     locked, payloads = _locked(robot) if robot else {}, list(scene.payloads)

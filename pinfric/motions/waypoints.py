@@ -17,7 +17,8 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping, Sequence
+import zlib
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -33,6 +34,7 @@ from pinfric.model.entry import (
     NonNegative,
     Number,
     Positive,
+    Text,
     Vector3,
     Version,
     key,
@@ -107,6 +109,45 @@ class WayPoint(Entry):
         return self
 
 
+class Rating(Entry):
+    """What an arm is rated for, in place of a cycle."""
+
+    payload: Positive = key("rated mass that it carries", 10.0, "kg")
+    payload_offset: NonNegative = key(
+        "of its centre of mass from the origin of `link`, along its z", 0.1, "m", default=0.1
+    )
+    link: Text | None = optional(
+        "that carries it; left out: the scene's `tool`, else the last link", "tool0"
+    )
+    speed: dict[str, Positive] = key(
+        "top speed by joint, in place of the URDF's limit",
+        {"elbow": 3.14},
+        "rad/s or m/s",
+        default_factory=dict,
+    )
+    acceleration_time: Positive = key(
+        "from rest to top speed in the worst posture, one joint alone", 1.5, "s", default=1.5
+    )
+
+
+class RatingMotion(Rating):
+    """A rating whose motion a file is: `size` takes it as the rating, not as a cycle."""
+
+    points: Text = key("check sum of the points that belong to it", "5f1c09aa")
+
+    @property
+    def itself(self) -> Rating:
+        """The rating, as one gives it."""
+        return Rating(**{name: getattr(self, name) for name in Rating.model_fields})
+
+
+def points_sum(points: Iterable[WayPoint]) -> str:
+    """Return a check sum of positions, durations and holds, as a file has them."""
+    rows = ([*point.q, point.duration or 0.0, point.hold] for point in points)
+    text = "\n".join(" ".join(f"{x:g}" for x in row) for row in rows)
+    return f"{zlib.crc32(text.encode()):08x}"
+
+
 class WayPointFile(Entry):
     """A whole way-point file."""
 
@@ -140,6 +181,19 @@ class WayPointFile(Entry):
         [{"q": [0, 0, 0], "hold": 0.2}, {"q": [0.5, -0.3, 1.0], "duration": 1.0}],
         min_length=1,
     )
+    rating: RatingMotion | None = optional(
+        "written by `pinfric new --payload`: the motion is that of this rating",
+        {"payload": 10.0, "points": "5f1c09aa"},
+    )
+
+    @model_validator(mode="after")
+    def _points_of_the_rating(self) -> WayPointFile:
+        if self.rating is not None and self.rating.points != points_sum(self.points):
+            raise ValueError(
+                "`points` were changed since `pinfric new` wrote them for the `rating`: take "
+                "`rating` out, and they are a motion like any other"
+            )
+        return self
 
 
 @dataclass(frozen=True)

@@ -25,8 +25,9 @@ from pinfric.errors import PinfricWarning, SizingError, StopError
 from pinfric.model.brief import file_name
 from pinfric.model.scene import Scene, expect_scene
 from pinfric.model.schema import OTHERS
-from pinfric.motions.rating import Rating, rate
+from pinfric.motions.rating import Rating, parse_rating, rate
 from pinfric.motions.summary import beyond_limits, effort_unit, rms
+from pinfric.motions.trajectory import Trajectory
 from pinfric.sizing.caveats import caveats, discontinuities, unclosed
 from pinfric.sizing.choice import (
     Demanded,
@@ -114,6 +115,7 @@ def size(
         linear = effort_unit(scene, scene.actuator_names.index(joint)) == "N"
         own_parts(catalog or Catalog("no catalogue"), wanted, joint, linear)
     tell = progress or (lambda _: None)
+    trajectory, rating = _motion_of_rating(trajectory, rating)
     rated = None if rating is None else rate(scene, rating)
     arrays = {} if catalog is None else catalog_arrays(catalog, wanted, scene)
     report = _sized(task_of(scene, trajectory, catalog, wanted, tell, arrays, rated))
@@ -134,6 +136,35 @@ def size(
     for text in report.verdict.failing if on_miss == "warn" else ():
         warnings.warn(text, PinfricWarning, stacklevel=2)
     return report
+
+
+def _motion_of_rating(
+    trajectory: MotionLike | Duty | None, rating: Rating | Mapping[str, Any] | None
+) -> tuple[MotionLike | Duty | None, Rating | Mapping[str, Any] | None]:
+    """Take the motion that `new` writes of a rating as the rating: as a cycle it would dilute it.
+
+    Raises:
+        SizingError: it stands among cycles, or beside another rating.
+    """
+    cycles = [(trajectory, 1.0)]
+    if isinstance(trajectory, Duty):
+        others = (duty.cycles for _, duty in trajectory.elsewhere)
+        cycles = [*trajectory.cycles, *(cycle for other in others for cycle in other)]
+    rated = [x for x, _ in cycles if isinstance(x, Trajectory) and x.rating is not None]
+    if not rated:
+        return trajectory, rating
+    own, source = rated[0].rating, file_name(rated[0].source)
+    assert own is not None
+    if len(cycles) > 1:
+        raise SizingError(
+            f"{source}: is the motion of a rating, not a cycle: leave it out, and give the rating "
+            f"beside the cycles (--rating payload={own.payload:g})"
+        )
+    if rating is not None and parse_rating(rating) != own:
+        raise SizingError(
+            f"{source}: is the motion of another rating, {own.payload:g} kg: give one of the two"
+        )
+    return None, own
 
 
 def _sized(task: Task) -> SizingReport:

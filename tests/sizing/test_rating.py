@@ -1,6 +1,7 @@
 """Sizing by a rating: means over each joint's own part, what decides, and published arms."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,7 +12,9 @@ from sizing_cases import COOL, GEAR, MOTOR, one_drive, trapezoid, turntable, wri
 import pinfric as pf
 from pinfric.drives.criterion import Status
 from pinfric.drives.limits import SHOCK
-from pinfric.errors import CatalogError, SizingError
+from pinfric.errors import CatalogError, SizingError, TrajectoryError
+from pinfric.model.described import in_json
+from pinfric.motions.rating import rate
 from pinfric.show.pages.sizing import sizing_page
 from pinfric.show.report.sizing import rating_lines
 from pinfric.sizing.summary import sizing_summary
@@ -220,6 +223,40 @@ def test_a_group_that_no_drive_fits_alike_is_not_signed(tmp_path):
         rows = [c for c in report.criteria[k] if c.name == "same drive"]
         assert [c.status for c in rows] == [Status.FAILS]
     assert any("no one drive fits shoulder_lift_joint" in line for line in report.verdict.failing)
+
+
+def rating_file(scene, keys, folder):
+    """The rating's motion, as `new --payload` writes it."""
+    file = folder / "rating.waypoints.yaml"
+    file.write_text(rate(scene, keys).waypoints())
+    return file
+
+
+def test_the_motion_of_a_rating_is_the_rating(tmp_path):
+    """As a cycle it would dilute each joint's RMS by all others' parts."""
+    scene, keys = rated_robot("arm", tmp_path)
+    motion = pf.load_trajectory(rating_file(scene, keys, tmp_path), scene)
+    by_key = sizing_summary(pf.size(scene, rating=keys))
+    for given in (motion, pf.Duty(((motion, 1.0),))):
+        assert in_json(sizing_summary(pf.size(scene, given))) == in_json(by_key)
+    assert in_json(sizing_summary(pf.size(scene, motion, rating=keys))) == in_json(by_key)
+    assert motion.with_speed(0.5).rating is None
+    as_cycle = pf.size(scene, replace(motion, rating=None))
+    (lift,) = (joint for joint in by_key.joints if joint.name == "lift")
+    assert as_cycle.joint("lift").demand.rms < 0.95 * lift.rms
+
+
+def test_the_motion_of_a_rating_is_no_cycle_among_others(tmp_path):
+    scene, keys = rated_robot("arm", tmp_path)
+    motion = pf.load_trajectory(rating_file(scene, keys, tmp_path), scene)
+    with pytest.raises(SizingError, match=r"the motion of a rating, not a cycle: .*payload=2\)"):
+        pf.size(scene, pf.Duty(((motion, 1.0), (replace(motion, rating=None), 2.0))))
+    with pytest.raises(SizingError, match="the motion of another rating, 2 kg"):
+        pf.size(scene, motion, rating=keys | {"payload": 3.0})
+    file = tmp_path / "rating.waypoints.yaml"
+    file.write_text(file.read_text().replace("hold: 2}", "hold: 3}"))
+    with pytest.raises(TrajectoryError, match="changed since `pinfric new` wrote them"):
+        pf.load_trajectory(file, scene)
 
 
 def test_without_a_cycle_and_without_a_rating_there_is_nothing_to_size():

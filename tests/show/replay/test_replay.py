@@ -13,6 +13,7 @@ import pinfric as pf
 from pinfric.errors import PinfricError, PinfricWarning, StateError
 from pinfric.model.described import in_json
 from pinfric.retiming.limits import read_limits
+from pinfric.retiming.problem import usage
 from pinfric.show.replay.replay import (
     Replay,
     open_page,
@@ -90,6 +91,19 @@ def test_limits_that_hold_the_motion_back_are_marked_while_it_moves():
     old = result.states
     half = pf.inverse_dynamics(geared, old.q, old.v, old.a, t=old.t)  # its motor gives half of it
     assert "peak torque" not in pf.replay(geared, half, limits=limits).page
+
+
+def test_limits_of_a_loops_drive_are_those_of_its_joint():
+    scene = pf.load_scene("four_bar")
+    given = pf.load_trajectory("four_bar", scene)
+    t, q, v, a = (x[200:800:60] for x in (given.t, given.q, given.v, given.a))
+    motion = pf.inverse_dynamics(scene, q, v, a, t=t)
+    crank = scene.drives[0].velocity_index
+    top = np.abs(motion.states.v[:, crank]).max()
+    for speed, over in ((2.0 * top, False), (0.9 * top, True)):
+        limits = read_limits(scene, {scene.actuator_names[0]: {"effort": 1e3, "velocity": speed}})
+        assert (usage(motion, limits).max() > 1.0) == over
+        make_frames(scene, motion, limits=limits)
 
 
 def test_limits_of_a_simulated_motion_are_refused(pendulum_motion):
