@@ -189,9 +189,10 @@ def test_of_two_losses_one_that_is_zero_is_the_end_of_the_masses_scale(found):
 
 
 def test_errors_are_shares_of_the_effort_and_of_plain_frictions():
-    error = HeldOut(rms=2.0, error=1.0, plain=4.0)
-    assert (error.share, error.of_plain) == (0.5, 0.25)
-    assert np.isnan([HeldOut(0.0, 1.0, 0.0).share, HeldOut(0.0, 1.0, 0.0).of_plain]).all()
+    error = HeldOut(rms=2.0, error=1.0, plain=4.0, moving_rms=5.0, moving_error=2.0)
+    assert (error.share, error.moving_share, error.of_plain) == (0.5, 0.4, 0.25)
+    still = HeldOut(0.0, 1.0, 0.0, 0.0, 1.0)
+    assert np.isnan([still.share, still.moving_share, still.of_plain]).all()
 
 
 def test_friction_seen_through_the_drives_goes_when_other_drives_are_sized(found):
