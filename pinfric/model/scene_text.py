@@ -56,7 +56,7 @@ def scene_content(scene: Scene, robot: Robot, folder: Path, urdf: str = "") -> d
         content["tool"] = scene.tool
     if scene.simulation is not None:
         content["simulation"] = _simulation(scene.simulation, Path(scene.source).parent)
-    for name in ("stops", "measured", "assumed"):
+    for name in ("stops", "measured", "sized", "assumed"):
         if (entry := getattr(scene, name)) is not None:
             content[name] = entry.model_dump(exclude_unset=True)
     return content

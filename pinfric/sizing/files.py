@@ -50,8 +50,8 @@ def sized_files(report: SizingReport, folder: Path) -> dict[str, str]:
         scene = replace(scene, payloads=rating.rated.given.payloads)
     old, new = report.given.model.inertias, scene.model.inertias
     heavier = any(not a.isApprox(b, 0.0) for a, b in zip(old, new, strict=True))
+    scene = replace(scene, sized=sized_for(scene))
     content = scene_content(scene, robot, folder, _ROBOT if heavier else "")
-    content["sized"] = sized_for(scene).model_dump()
     actuators = [a.drive_name for a in scene.actuators or ()]
     limits = {key: value for key, value in motors.items() if value}
     texts = {
