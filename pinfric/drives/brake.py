@@ -116,12 +116,12 @@ def standstills(
     """
     zero, states = np.zeros_like(result.states.v), result.states
     still = inverse_dynamics(result.scene, states.q, zero, zero, attached=states.attached)
-    inertias = None if result.scene.loops else joint_inertias(result.scene, states)
+    inertias = joint_inertias(result.scene, states)
     standing = []
     for i, drive in enumerate(result.scene.drives):
-        own, taken = None if inertias is None else inertias[:, i], drives[i] if drives else None
+        own, taken = inertias[:, i], drives[i] if drives else None
         there = taken.brake if taken else "" if drives else None
-        if own is not None and there and drive.transmission is not None:
+        if there and drive.transmission is not None:
             inside = brakes[there].inertia_ends[1]  # each brake on trial adds its own
             own = own - drive.transmission.ratio**2 * inside
         of = (taken.motor, taken.integrated) if taken else ("",)
@@ -134,7 +134,7 @@ def _standstill(
     result: InverseResult,
     still: InverseResult,
     i: int,
-    inertia: np.ndarray | None,
+    inertia: np.ndarray,
     brakes: Mapping[str, Brake],
     conditions: Conditions,
     fitted: str | None,
@@ -152,7 +152,7 @@ def _standstill(
     if gear is not None and not (slides and gear.ratio == 1.0):  # a linear motor has no shaft
         least = ends_by_magnitude(still.motor_torque_lower[:, i], still.motor_torque_upper[:, i])[1]
         shaft = largest(_rounded(result, least)), largest(load) / abs(gear.ratio)
-        if inertia is not None:
+        if not np.isnan(inertia).any():
             turning = np.abs(gear.ratio * result.actuator_velocity[:, i])
             at_shaft = inertia / gear.ratio**2 + gear.rotor_inertia
             within = demand.within(conditions)

@@ -71,7 +71,7 @@ _MAKER = "maker's figures"
 _HARMONIC = "Harmonic Drive engineering data 1021387 12/2018, p. 30"
 _STATED = "motor file, or the URDF: used by retiming only"
 _THK = "THK, selection of ball screws: "
-_LOOPS = "inertia about a joint of a closed loop"
+_LOOPS = "inertia about a joint of a loop that its drives do not determine"
 
 
 # ------------------------------------------------------------------------------------- motors
@@ -412,7 +412,7 @@ def _by_stop(d: Candidates) -> bool:
 def _shock_missing(d: Candidates) -> str:
     if not np.isnan(_collision(d)):
         return "momentary peak" + " of the gear in the gearmotor" * (not _has_gear(d))
-    stopped = "peaks of stops, of a closed loop or a joint with several drives"
+    stopped = "peaks of stops, of a motion that drives do not determine"
     return stopped if d.candidate.brake else "conditions.collision_effort"
 
 

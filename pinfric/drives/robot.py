@@ -70,7 +70,7 @@ class _Solved:
         zero = np.zeros_like(states.v)
         still = inverse_dynamics(self.scene, states.q, zero, zero, attached=states.attached)
         self.rest = still.effort_frictionless
-        self.inertia = None if self.scene.loops else joint_inertias(self.scene, states)
+        self.inertia = joint_inertias(self.scene, states)
 
     @cached_property
     def wrench(self) -> np.ndarray:
@@ -148,11 +148,9 @@ class DrivenRobot:
         more = {k: beyond.get(k, 0.0) - there.get(k, 0.0) for k in {**beyond, **there}}
         points = {k: self._point(k) for k, m in more.items() if m}
         cycle = drive_cycle(self.result, i, self.holding, means or self.duty)
-        inertia, resting = self.last.inertia, self.last.rest[:, i]
-        own = None if inertia is None else inertia[:, i]
+        own, resting = self.last.inertia[:, i], self.last.rest[:, i]
         joint, wrench = driven_joint(self.scene, i), None
         for k, point in points.items():
-            assert own is not None  # there are points in open chains only
             effort = more[k] * point.effort[:, i] * cycle.powered
             resting, own = resting + more[k] * point.rest[:, i], own + more[k] * point.inertia[:, i]
             cycle = replace(
@@ -165,12 +163,12 @@ class DrivenRobot:
                 wrench = self.last.wrench[:, joint - 1] if wrench is None else wrench
                 wrench = wrench + more[k] * point.wrench[:, joint - 1]
         demand = gear_demand(self.result, i, cycle, wrench=wrench)
-        inertia_max = None if joint is None or own is None else float(own.max())
+        inertia_max = None if np.isnan(own).any() else float(own.max())
         hand = depth(self.scene, i) > BASE_AXES
         swung = None
         if self.rating is not None:
             demand = replace(demand, speed=max(demand.speed, self.rating.top_speed(i)))
-            if inertia_max is not None and own is not None:
+            if inertia_max is not None:
                 swung = float(own[self.rating.own].max(initial=0.0))
         still = rest_of(self.scene, i, resting, demand.peak, demand.speed)
         return JointCase(demand, cycle, inertia_max, hand, self.conditions, still, swung)

@@ -291,7 +291,7 @@ def bearing_stops(task: Task, demanded: Demanded | None = None) -> DriveChoice:
     1.3 times the peaks. A rating alone demands no stops unless the scene has `stops`.
     """
     choice, scene, seen = choose(task, demanded or Demanded()), task.scene, list[dict[int, str]]()
-    if task.catalog is None or scene.linkage is not None or scene.mobility.redundant:
+    if task.catalog is None:
         return choice
     for _ in range(_MOST_PASSES):
         taken, before = choice.taken, choice.demanded
@@ -304,6 +304,8 @@ def bearing_stops(task: Task, demanded: Demanded | None = None) -> DriveChoice:
             most, powered = _stop_peaks(task, taken)
         except StopError:  # the simulation says what is missing
             break
+        if np.isnan(most).any():
+            return replace(choice, open_stops=dict.fromkeys(taken, np.nan))
         peaks = {i: max(factor * float(most[i]), before.least.get(i, 0.0)) for i in taken}
         if task.rating is not None and not task.rating.cycles and scene.stops is None:
             return replace(choice, open_stops=peaks)
@@ -338,9 +340,11 @@ def _stop_peaks(
 ) -> tuple[np.ndarray, tuple[InverseResult, ...]]:
     """Return `cycle_peaks` of a choice, the largest of all mountings, and `braking`.
 
-    A brake's least inertia counts: a heavy rotor relieves its gear. Without `stops` in the scene
-    all brakes close at once.
+    NaN: several drives share a motion, or do not determine it. A brake's least inertia counts: a
+    heavy rotor relieves its gear. Without `stops` in the scene all brakes close at once.
     """
+    if task.scene.mobility.redundant:
+        return np.full(len(task.scene.drives), np.nan), ()
     stops, chosen = task.scene.stops, dict[int, Candidate]()
     for i, candidate in ((i, a.candidate) for i, a in taken.items()):
         if (gear := candidate.transmission) is not None and gear.brake and candidate.brake_entry:

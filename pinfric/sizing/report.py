@@ -41,7 +41,12 @@ _ENOUGH = 12
 _OF_ROBOT = ("lowest_frequency", "tool_sag", "tool_interval", "tool_reversal")
 #: Of a rating alone, what its gear would bear in a stop, and what to do where it does not.
 _OPEN_STOP = f"stop: {SHOCK}"
+_OPEN_RULE = (
+    "1.3 x the peak in stops of all joints <= limit for momentary peak torque",
+    "algebra (`stops.peaks`), all brakes closing at once",
+)
 _DEMAND_STOPS = "give a cycle beside it, or `stops`"
+_UNKNOWN_STOP = "drives do not determine the motion, so no algebra tells it: give `stops`"
 
 
 @dataclass(frozen=True)
@@ -51,8 +56,8 @@ class JointSizing:
     Attributes:
         demand, cycle: with the masses of all chosen drives.
         demand_without_masses: with the model as the scene has it.
-        load_inertia: largest inertia about the joint over the cycle, kg m^2 (kg); None where
-            closed loops couple the joints.
+        load_inertia: largest inertia about the joint over the cycle, kg m^2 (kg), the other drives
+            at rest; None in a loop whose drives do not determine it.
         motor: the shaft of the drive taken, sample by sample; None without one.
         choice: the lightest that fits; None if none fits.
         nearest: if none fits, a provisional drive (`would` is not empty), else the one with the
@@ -200,8 +205,8 @@ class SizingReport(Shown):
         no_stops: why the stops that the scene asks for could not be judged; else "".
         rating: what the robot is rated for, beside a cycle or alone; None: a cycle alone.
         elsewhere: scenes in which the robot is mounted otherwise, for which the drives are, too.
-        open_stops: of a rating alone, by column, what the gears would bear in stops, N m or N,
-            which the choice does not use; else empty.
+        open_stops: by column, what the gears would bear in stops, N m or N, which the choice does
+            not use: of a rating alone; NaN where brakes may close and no algebra tells it.
     """
 
     scene: Scene
@@ -320,7 +325,7 @@ class SizingReport(Shown):
                 if self.other_mass is None
                 else "the same drives are chosen if the links hold them"
             )
-        if any(c.name == _OPEN_STOP and c.fails for own in self.criteria for c in own):
+        if any(c.name == _OPEN_STOP and c.fails and c.scaled for own in self.criteria for c in own):
             open_stop = f"of a rating alone stops are not demanded: {_DEMAND_STOPS}"
             question = "; ".join(text for text in (question, open_stop) if text)
         remarks = (legs, same, "" if beyond else heavy, weighs if possible else "")
@@ -448,14 +453,18 @@ def _open_stop(report: SizingReport, k: int) -> list[Criterion]:
     taken = report.joints[k].installed
     if taken is None or k not in report.open_stops:
         return []
-    bears = momentary_peak(taken)
+    bears, peak = momentary_peak(taken), report.open_stops[k]
+    if np.isnan(peak):
+        judged = Criterion(
+            _OPEN_STOP, Status.FAILS, None, None, "", None, *_OPEN_RULE, _UNKNOWN_STOP
+        )
+        return [judged] * (report.stops is None)
     judged = compare(
         _OPEN_STOP,
-        report.open_stops[k],
+        peak,
         None if np.isnan(bears) else bears,
         report.joints[k].demand.unit,
-        "1.3 x the peak in stops of all joints <= limit for momentary peak torque",
-        "algebra (`stops.peaks`), all brakes closing at once",
+        *_OPEN_RULE,
         "momentary_peak_torque of the gear",
     )
     fails = judged.fails

@@ -13,11 +13,11 @@ from itertools import chain, combinations
 
 import numpy as np
 
+from pinfric.drives.inertia import DriveCoordinates
 from pinfric.dynamics.inverse.inverse import inverse_dynamics
 from pinfric.dynamics.inverse.result import InverseResult
 from pinfric.dynamics.samples.closure import working_rates
 from pinfric.dynamics.samples.reactions import rigid_efforts
-from pinfric.model.couples import delivery
 from pinfric.model.mass_matrix import mass_matrices
 from pinfric.model.massless import massless
 from pinfric.model.transmission import shock_efficiency
@@ -46,16 +46,17 @@ def gear_peaks(
     Of each set of brakes that have closed and each set S of joints that still move, the others
     being at rest,
 
-        (M_SS + diag(r^2 J/eta_b)) a_S = -(r T_b/eta_b) sign v - h_S,      t = M_{.S} a_S + h,
+        (M_SS + diag(r^2 J/eta_b)) a_S = -(r T_b/eta_b) sign u - h_S,      t = M_{.S} a_S + h,
 
-    T_b = 0 of open brakes. h is gravity and springs, and what the velocities of S add; eta_b the
-    efficiency of the gear that the load drives (`shock_efficiency`). Friction of the joints is left
-    out. The gear of a joint at rest passes at most r T_b/eta_b: beyond, its brake slips. A
-    self-locking gear, eta_b <= 0, stands as soon as power is off, and passes what comes. Of coupled
-    drives M and h are those along their own rates; a joint without a drive moves in every set.
+    in the drives' own coordinates u, v = B u (`DriveCoordinates`): M stands for B^T M B, and h for
+    B^T (M gamma + h). T_b = 0 of open brakes. h is gravity and springs, and what the velocities of
+    S add; eta_b the efficiency of the gear that the load drives (`shock_efficiency`). Friction of
+    the joints is left out. The gear of a joint at rest passes at most r T_b/eta_b: beyond, its
+    brake slips. A self-locking gear, eta_b <= 0, stands as soon as power is off, and passes what
+    comes. What no drive moves is free in every set. NaN: drives do not determine the motion.
 
     Args:
-        machine: an open chain, no joint with several drives.
+        machine: a chain, or one with loops.
         torque: drive -> T_b of its brake, N m. delay: drive -> when it closes, s.
         q, v: (T, nq), (T, nv).
         direction: (T, na) -1 or 1 of a joint that moves when the drives react, 0 of one at rest.
@@ -64,8 +65,7 @@ def gear_peaks(
     accelerations are given, here 0, and of the other joints the forces).
     """
     scene, drives = machine.scene, machine.scene.drives
-    gears, own = [d.transmission for d in drives], [d.velocity_index for d in drives]
-    free = [k for k in range(scene.model.nv) if k not in own]
+    gears, count = [d.transmission for d in drives], len(drives)
     back = np.array([1.0 if gear is None else shock_efficiency(gear) for gear in gears])
     ratio = np.abs([drive.ratio for drive in drives])
     rotor = np.array([0.0 if gear is None else gear.rotor_inertia for gear in gears])
@@ -73,38 +73,39 @@ def gear_peaks(
     brake = np.array(
         [[torque[n] if n in torque and delay[n] <= t else 0.0 for n in names] for t in closes]
     ).reshape(len(closes), len(names))
-    # 1. Drives with brakes, then free joints: efforts t = along u, velocities along^T rates
-    along = np.eye(scene.model.nv)[own + free]
-    if (P := delivery(drives, scene.model.nv)).size:
-        along[np.ix_(range(len(own)), own)] = P
-    rate = np.hstack([working_rates(scene, q, v)[0], v[:, free]])
+    # 1. Coordinates of the drives, with brakes, then of what no drive moves
+    twin = scene.twin(machine.carried)
+    along = DriveCoordinates.of(scene, twin, q)
+    rate = along.rates(working_rates(scene, q, v)[0], v)
+    BT, free = along.directions.transpose(0, 2, 1), range(count, rate.shape[1])
     none, slips = np.zeros(len(free)), np.append(back > 0.0, np.ones(len(free), dtype=bool))
     divided = np.where(slips, np.append(back, none + 1.0), 1.0)
     heavy = np.append(ratio**2 * rotor, none) / divided
     pushes = np.pad(ratio * brake, ((0, 0), (0, len(free)))) / divided
-    passes = np.where(slips, pushes, np.inf)  # (brakes closed, nv)
-    direction = np.hstack([np.where(slips[: len(own)], direction, 0.0), v[:, free] * 0.0])
-    twin, most = scene.twin(machine.carried), np.zeros(rate.shape)
-    M = along @ mass_matrices(twin, q) @ along.T
-    # 2. Of the samples in which the same drives move, every set of these, and the free joints
+    passes = np.where(slips, pushes, np.inf)  # (brakes closed, na + nf)
+    direction = np.pad(np.where(slips[:count], direction, 0.0), ((0, 0), (0, len(free))))
+    M, most = BT @ mass_matrices(twin, q) @ along.directions, np.zeros(rate.shape)
+    # 2. Of the samples in which the same drives move, every set of these, and the free motions
     patterns, which = np.unique(direction != 0.0, axis=0, return_inverse=True)
     for k, pattern in enumerate(patterns):
         rows, moving, n = np.flatnonzero(which == k), np.flatnonzero(pattern), int(pattern.sum())
+        here = along.part(rows)
         sizes = range(n + 1) if n <= _EVERY_SET else (0, 1, 2, n - 1, n)
         for few in chain.from_iterable(combinations(moving, size) for size in sizes):
-            S = [*few, *range(len(own), len(own) + len(free))]
+            S = [*few, *free]
             if not S:
                 continue
-            speed = rate[rows][:, S] @ along[S]
-            h = rigid_efforts(twin, q[rows], speed, np.zeros_like(speed))[1] @ along.T
+            speed = here.velocities(rate[rows], S)
+            load = rigid_efforts(twin, q[rows], speed, here.at_constant_rates(speed))[1]
+            h = (BT[rows] @ load[..., None])[..., 0]
             inertia = M[rows][:, S][:, :, S] + np.diag(heavy[S])
             push = -passes[:, S] * direction[rows][:, None, S] - h[:, None, S]
             a = np.linalg.solve(inertia, push.transpose(0, 2, 1))
             effort = np.abs(M[rows][:, :, S] @ a + h[:, :, None]).transpose(0, 2, 1)
-            others = np.delete(np.arange(len(rate[0])), S)
+            others = np.delete(np.arange(rate.shape[1]), S)
             effort[..., others] = np.minimum(effort[..., others], passes[:, others])
             most[rows] = np.maximum(most[rows], effort.max(axis=1))
-    return most[:, : len(own)]
+    return most[:, :count]
 
 
 def cycle_peaks(
@@ -118,7 +119,7 @@ def cycle_peaks(
     until its brake closes. What moves no mass is left at rest.
 
     Args:
-        machines: of an open chain, no joint with several drives.
+        machines: of a chain, or one with loops.
     """
     rate = working_rates(machines.scene, trajectory.q, trajectory.v)[0]
     fastest = np.argmax(np.abs(rate), axis=0)
@@ -128,7 +129,7 @@ def cycle_peaks(
     most, powered = [np.zeros(rate.shape[1])], machines.settings.category == 1
     for load in {0.0, 1.0} if machines.full else {0.0}:
         machine = machines.of(MachineKind(True, load))
-        light = massless(machine.scene, machine.carried)
+        light = np.append(massless(machine.scene, machine.carried), False)  # [-1]: off the joints
         heavy = ~light[[drive.velocity_index for drive in machine.scene.drives]]
         stopped = []
         if not powered:

@@ -156,9 +156,8 @@ def cycle_figures(study: Study, sample: Sequence[float] | np.ndarray) -> SampleF
     scene, trajectory = apply(study.scene, study.trajectory, study.targets, list(sample))
     # one thread: the processes share the cores already
     result = inverse_dynamics(scene, trajectory, threads=1)
-    # loops couple the joints: none has an inertia of its own
-    known = study.trials and not scene.loops
-    margins, verdicts = _verdicts(study, result, study.load_inertias(result) if known else None)
+    inertias = study.load_inertias(result) if study.trials else None
+    margins, verdicts = _verdicts(study, result, inertias)
     elastic = elastic_figures(result) if study.elastic else ()
     unsolved = int(np.isnan(result.effort_lower).any(axis=1).sum())
     return SampleFigures(np.column_stack((reduce(result), margins)), verdicts, unsolved, elastic)

@@ -66,7 +66,7 @@ class Trial:
         assert isinstance(drive, Drive)
         if drive.transmission != candidate.transmission:  # the sample's losses
             candidate = dataclasses.replace(candidate, transmission=drive.transmission)
-        inertia = None if inertias is None else float(inertias[i])
+        inertia = None if inertias is None or np.isnan(inertias[i]) else float(inertias[i])
         criteria = criteria_over(result, i, candidate, self.conditions, holding, inertia)
         codes = {c.name: _CODES.get(c.status, MET) for c in criteria}
         return least_margin(criteria), [codes[name] for name in self.checks]

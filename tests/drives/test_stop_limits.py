@@ -1,9 +1,12 @@
 """The load on a gear when its brake closes, by hand, and the stops of the chosen drive."""
 
 import numpy as np
+import pinocchio as pin
 import pytest
+from mechanisms import add_link, bar, grounded_model, shifted
 from sizing_cases import GEAR, MOTOR, one_drive, sized_cycle, turntable, write_catalog
 
+import pinfric as pf
 from pinfric.drives.criterion import Status
 from pinfric.drives.limits import SHOCK
 from pinfric.errors import SizingError
@@ -197,3 +200,36 @@ def test_a_motor_that_cannot_brake_at_the_deceleration_of_a_stop_does_not_fit(tm
     (joint,) = sized(tmp_path, stops=hard).joints
     assert joint.choice is None
     assert "peak torque of braking" in joint.no_fit
+
+
+def parallelogram(tmp_path, **given):
+    """`sized` of a crank that carries a level bar on a circle, turning in a level plane.
+
+    Two cranks of 0.2 m and 3 kg, and a bar of 5 kg that turns with neither: about the driven crank
+    2 x 3 x 0.2^2/3 + 5 x 0.2^2 kg m^2.
+    """
+    model = grounded_model(gravity=(0.0, 0.0, -9.81))
+    crank = add_link(model, 0, pin.JointModelRZ(), shifted(0.0), "crank", bar(3.0, 0.2))
+    other = add_link(model, 0, pin.JointModelRZ(), shifted(0.5), "other", bar(3.0, 0.2))
+    add_link(model, crank, pin.JointModelRZ(), shifted(0.2), "level", bar(5.0, 0.5))
+    assert other == 2
+    a, b = {"link": "level", "xyz": [0.5, 0, 0]}, {"link": "other", "xyz": [0.2, 0, 0]}
+    loop = {"name": "pin", "kind": "planar_pin", "axis": [0, 0, 1], "a": a, "b": b}
+    scene = pf.Scene(model, loops=[loop], actuators=[{"joint": "crank"}], masses="without_drives")
+    t = np.linspace(0.0, 1.0, 101)
+    angle, rate, turn = 0.5 + 0.75 * t**2 - 0.5 * t**3, 1.5 * (t - t**2), 1.5 - 3.0 * t
+    each = np.array([1.0, 1.0, -1.0])  # the bar stays level
+    motion = pf.Trajectory.from_arrays(scene, t, *(np.outer(x, each) for x in (angle, rate, turn)))
+    catalog = one_drive(tmp_path, MOTOR, GEAR, brakes={"B": BRAKE})
+    return pf.size(scene, motion, catalog, on_miss="ignore", **given)
+
+
+def test_peak_and_inertia_of_a_crank_in_a_loop_by_hand(tmp_path):
+    """As of a chain: 70 N m on a gear that passes 0.7 of the load, 1.3 times; J_load is 0.28."""
+    load = 2 * 3.0 * 0.2**2 / 3 + 5.0 * 0.2**2
+    report = parallelogram(tmp_path, conditions={"holding_brake": "all", "inertia_ratio": 0.42})
+    rows = {c.name: c for c in report.joints[0].installed.criteria}
+    assert rows["inertia ratio"].required == pytest.approx(load / (1e4 * 7e-5), rel=1e-9)
+    peak = 1.3 * 70.0 / (0.7 + 1e4 * 7e-5 / load)
+    assert rows[SHOCK].required == pytest.approx(peak, rel=1e-6)
+    assert report.verdict.signed
