@@ -3,7 +3,7 @@
 import numpy as np
 import pinocchio as pin
 import pytest
-from mechanisms import add_link, bar, grounded_model, shifted
+from mechanisms import add_link, bar, five_bar, grounded_model, shifted
 from sizing_cases import GEAR, MOTOR, one_drive, sized_cycle, turntable, write_catalog
 
 import pinfric as pf
@@ -233,3 +233,20 @@ def test_peak_and_inertia_of_a_crank_in_a_loop_by_hand(tmp_path):
     peak = 1.3 * 70.0 / (0.7 + 1e4 * 7e-5 / load)
     assert rows[SHOCK].required == pytest.approx(peak, rel=1e-6)
     assert report.verdict.signed
+
+
+def test_where_several_drives_share_a_motion_stops_must_be_simulated(tmp_path):
+    """Three drives of a five-bar with two freedoms: no algebra tells what a closing brake does."""
+    scene, q = five_bar("B", {}, gravity=(0.0, 0.0, -9.81))
+    scene = scene.with_(actuators=[{"joint": name, "share": 0.5} for name in ("O", "D", "A")])
+    still = np.tile(scene.close(q), (2, 1))
+    motion = pf.Trajectory.from_arrays(scene, [0.0, 1.0], still, 0 * still, 0 * still)
+    catalog = one_drive(tmp_path, MOTOR, GEAR, brakes={"B": BRAKE})
+    required = {"holding_brake": "all", "inertia_ratio": 1e3}
+    report = pf.size(scene, motion, catalog, conditions=required, on_miss="ignore")
+    assert all(joint.choice for joint in report.joints)
+    assert not report.verdict.signed
+    assert report.verdict.failing[0].startswith(
+        "O: stop: gear momentary peak torque: fails: drives do not determine the motion"
+    )
+    assert not report.verdict.question
