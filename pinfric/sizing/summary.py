@@ -125,7 +125,8 @@ class SizedJoint(JointDemand):
         "`rms` without the drives' own masses", EFFORT, "worst\nwithout\nthat mass"
     )
     load_inertia: float | None = quantity(
-        "largest inertia about the joint over the cycle; none: a loop whose drives do not determine it", INERTIA
+        "largest inertia about the joint over the cycle; none: a loop's drives do not tell it",
+        INERTIA,
     )
     choice: str | None = quantity(
         "the lightest drive that fits the cycle; none: none does", heading="drive"
