@@ -8,7 +8,7 @@ Boor, A Practical Guide to Splines, 2001, chapter IV).
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path as File
 
@@ -23,7 +23,7 @@ from pinfric.model.scene import Scene
 from pinfric.model.scene_file import find_file
 from pinfric.motions.joint_columns import LIMIT_TOLERANCE, JointColumn, joint_columns
 from pinfric.motions.tool_points import solve_tool_points
-from pinfric.motions.trajectory import Trajectory, load_trajectory
+from pinfric.motions.trajectory import Trajectory, load_trajectory, read_trajectory
 from pinfric.motions.waypoints import carried_on, read_waypoints, way_points
 
 #: Points nearer than this part of the whole way are the same.
@@ -52,7 +52,7 @@ class Path:
         holds: (n + 1,) how long the robot stays at each stop, s.
         attached: (n + 1, np) what is carried from each stop on; None: as the scene says.
         source: where it came from, for messages.
-        duration: of the motion that it comes from, s; None: it had no times.
+        given: the motion that it comes from; None: it had no times.
 
     Raises:
         TrajectoryError: pieces that do not meet, a kink inside a piece, a curve that stands still.
@@ -62,7 +62,7 @@ class Path:
     holds: tuple[float, ...] = ()
     attached: np.ndarray | None = None
     source: str = "path"
-    duration: float | None = None
+    given: Trajectory | None = None
 
     def __post_init__(self) -> None:
         if not self.holds:
@@ -167,29 +167,32 @@ class Path:
             TrajectoryError: it does not start and end at rest; joints without one position.
         """
         source, t = trajectory.source, trajectory.t
-        speed = np.abs(trajectory.v).max(axis=1)
-        still = speed <= _STOPPED * speed.max()
-        # Where the whole motion turns back between two samples, the slower of them
-        size = np.linalg.norm(trajectory.v, axis=1)
-        along = (trajectory.v[1:] * trajectory.v[:-1]).sum(axis=1)
-        at = np.flatnonzero(along < -_BACK * size[1:] * size[:-1])
-        still[at + (size[at + 1] < size[at])] = True
-        if not (still[0] and still[-1]):
-            raise TrajectoryError(
-                f"{source}: does not start and end at rest (v = 0): hold the "
-                "first and last position for a few samples"
-            )
-        rests, position = runs(still), trajectory.joint_positions()
-        stops = rests[:1]  # at a reversal of all joints a sample may be still
-        for (_, before), waits in pairwise(rests):
-            if np.abs(position[waits[0]] - position[before]).max() > LIMIT_TOLERANCE:
-                stops.append(waits)
+        stops, position = _stops(trajectory), trajectory.joint_positions()
         pieces = [_sampled(position[a[1] : b[0] + 1]) for a, b in pairwise(stops)]
         if not pieces:
             raise TrajectoryError(f"{source}: no joint moves; there is no path to retime")
         holds = tuple(float(t[last] - t[first]) for first, last in stops)
         carried = np.array([trajectory.attached[last] for _, last in stops])
-        return cls(tuple(pieces), holds, carried, source, trajectory.duration)
+        return cls(tuple(pieces), holds, carried, source, trajectory)
+
+    def given_speeds(
+        self, columns: Sequence[JointColumn]
+    ) -> list[tuple[np.ndarray, np.ndarray]] | None:
+        """Return of each piece (T,) places s of the given motion's samples, and (ds/dt)^2 there.
+
+        None where it stops elsewhere. `columns`: the joints'.
+        """
+        if self.given is None or len(stops := _stops(self.given)) != len(self.pieces) + 1:
+            return None
+        q, v = self.given.joint_positions(), self.given.v[:, [c.index_v for c in columns]]
+        speeds = []
+        for piece, ((_, first), (last, _)) in zip(self.pieces, pairwise(stops), strict=True):
+            way = np.linalg.norm(np.diff(q[first : last + 1], axis=0), axis=1)
+            s = piece.x[0] + np.concatenate(([0.0], np.cumsum(way))) / way.sum() * np.ptp(piece.x)
+            rate = piece(s, 1)
+            z = (v[first : last + 1] * rate).sum(axis=1) / (rate * rate).sum(axis=1)
+            speeds.append((s, z * z))
+        return speeds
 
     @property
     def nj(self) -> int:
@@ -201,6 +204,33 @@ class Path:
         last = i == len(self.pieces)
         piece = self.pieces[i - 1 if last else i]
         return piece(piece.x[-1 if last else 0])
+
+
+def _stops(trajectory: Trajectory) -> list[tuple[int, int]]:
+    """Return the first and last samples of a motion's stops.
+
+    Raises:
+        TrajectoryError: it does not start and end at rest; joints without one position.
+    """
+    source = trajectory.source
+    speed = np.abs(trajectory.v).max(axis=1)
+    still = speed <= _STOPPED * speed.max()
+    # Where the whole motion turns back between two samples, the slower of them
+    size = np.linalg.norm(trajectory.v, axis=1)
+    along = (trajectory.v[1:] * trajectory.v[:-1]).sum(axis=1)
+    at = np.flatnonzero(along < -_BACK * size[1:] * size[:-1])
+    still[at + (size[at + 1] < size[at])] = True
+    if not (still[0] and still[-1]):
+        raise TrajectoryError(
+            f"{source}: does not start and end at rest (v = 0): hold the "
+            "first and last position for a few samples"
+        )
+    rests, position = runs(still), trajectory.joint_positions()
+    stops = rests[:1]  # at a reversal of all joints a sample may be still
+    for (_, before), waits in pairwise(rests):
+        if np.abs(position[waits[0]] - position[before]).max() > LIMIT_TOLERANCE:
+            stops.append(waits)
+    return stops
 
 
 def load_path(path: str | File, scene: Scene) -> Path:
@@ -230,7 +260,13 @@ def load_path(path: str | File, scene: Scene) -> Path:
         [point.via for point in waypoints.points],
         [point.hold for point in waypoints.points],
     )
-    return Path.from_waypoints(points, via, holds, carried_on(waypoints, defaults), str(file))
+    found = Path.from_waypoints(points, via, holds, carried_on(waypoints, defaults), str(file))
+    if any(via):
+        return found
+    try:
+        return replace(found, given=read_trajectory(file, scene))
+    except TrajectoryError:  # a move that has no duration, of a joint without a velocity limit
+        return found
 
 
 def check_limits(path: Path, columns: Sequence[JointColumn]) -> None:

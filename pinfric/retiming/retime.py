@@ -11,6 +11,7 @@ import warnings
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from numbers import Real
+from typing import NamedTuple
 
 import numpy as np
 
@@ -21,6 +22,7 @@ from pinfric.drives.limits import instant_limits
 from pinfric.drives.parts import criteria_over
 from pinfric.drives.robot import holds
 from pinfric.dynamics.inverse.inverse import inverse_dynamics
+from pinfric.dynamics.inverse.result import InverseResult
 from pinfric.errors import PinfricWarning, RetimeError, TrajectoryError
 from pinfric.model.brief import file_name, listed, screen
 from pinfric.model.couples import mixed
@@ -50,6 +52,8 @@ _INSIDE = np.array([0.02, 0.25, 0.5, 0.75, 0.98])
 _ROUNDS = 10
 #: A smoothed motion that would have to be run more slowly than by this factor is given up.
 _SLOWEST = 0.05
+#: Limits and continuous torques are used up to this part: a file's last digits do not exceed them.
+_SETTLED = 1.0 - 1.0e-6
 #: A limit of which more than this part is used holds the motion back.
 _AT_LIMIT = 0.995
 #: Times the points asked for, where fewer find no way along the path.
@@ -78,6 +82,7 @@ class RetimeResult(Shown):
         smooth: s, of the moving mean, by which each move takes longer.
         criteria: drive -> what `size` says of a drive of the catalogue that does this motion.
         notes: what is exceeded or was not judged, in sentences.
+        failing: criteria of `size` that this motion, repeated, does not pass, with their drives.
     """
 
     trajectory: Trajectory
@@ -94,6 +99,7 @@ class RetimeResult(Shown):
     smooth: float = 0.0
     criteria: Mapping[str, tuple[Criterion, ...]] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    failing: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         most = self.held_back()
@@ -234,6 +240,21 @@ def _check_scene(scene: Scene) -> None:
             )
 
 
+class _Judged(NamedTuple):
+    """A motion and what it uses of the limits: (T, na, limits), and (na,) of continuous torques."""
+
+    trajectory: Trajectory
+    result: InverseResult
+    use: np.ndarray
+    moving: np.ndarray
+    heat: np.ndarray
+
+    def most(self, heated: bool) -> float:
+        """The largest used part, of continuous torques too where `heated`."""
+        least = float(self.heat.max()) if heated else 0.0
+        return max(least, float(self.use[self.moving].max(initial=0.0)))
+
+
 class _Retiming:
     def __init__(
         self,
@@ -254,10 +275,71 @@ class _Retiming:
 
     def run(self, points: int, heat: bool, smooth: float) -> RetimeResult:
         self.check_stops()
-        result = self.fastest(points, heat, smooth)
-        if smooth:
-            result = self.smoothed(result, points, heat)
+        given = None if smooth else self.given(heat)
+        try:
+            result = self.fastest(points, heat, smooth)
+            if smooth:
+                result = self.smoothed(result, points, heat)
+            result = self.settled(result)
+        except RetimeError:
+            if given is None:
+                raise
+            result = given
+        if given is not None and given.duration < result.duration:
+            result = given
+        names = {name: [c for c in own if c.fails] for name, own in result.criteria.items()}
+        failing = tuple(f"{name}: {c.why}" for name, own in names.items() for c in own if heat)
+        result = replace(result, failing=failing)
         return replace(result, notes=tuple(self.notes(result, heat)))
+
+    def given(self, heat: bool) -> RetimeResult | None:
+        """The motion that the path comes from, if it is within all limits: one that is possible."""
+        motion, path = self.path.given, self.path
+        if motion is None:
+            return None
+        judged = self.judge(motion, (motion.v != 0.0).any(axis=1))
+        heated = heat and any(np.isfinite(x.over_time[0]) for x in self.limits)
+        if judged.most(heated) > 1.0:
+            return None
+        grid = [
+            distinct(np.linspace(curve.x[0], curve.x[-1], _FEWEST + 1), curve, natural)
+            for curve, natural in zip(path.pieces, self.natural, strict=True)
+        ]
+        problem, used = self.problem(grid), judged.heat if heated else None
+        if (profile := self.given_profile(problem.grid)) is None:
+            return None
+        result = self.result(problem, profile, judged, 0.0, None, used)
+        moves = result.moves * (motion.duration - sum(path.holds)) / result.moves.sum()
+        return replace(result, moves=moves, duration=motion.duration)
+
+    def given_profile(self, grid: Grid) -> Profile | None:
+        """The given motion's speeds on a grid; None where it is not known along the path."""
+        if (speeds := self.path.given_speeds(self.columns)) is None:
+            return None
+        place, x = grid.s[np.append(grid.start, grid.end[-1])], np.zeros(len(grid.stop))
+        piece = grid.piece[np.append(grid.start, grid.end[-1])]
+        for p, (s, square) in enumerate(speeds):
+            x[piece == p] = np.interp(place[piece == p], s, square)
+        x[grid.stop] = 0.0
+        u = np.diff(x) / (2.0 * grid.step)
+        return Profile.of(grid, x, np.stack([u, u], axis=1))
+
+    def settled(self, result: RetimeResult) -> RetimeResult:
+        """Run the whole motion a little more slowly, until it is within all limits exactly."""
+        first, factor = result, 1.0
+        heated, smooth = result.rms is not None, result.smooth
+        for attempt in range(_ROUNDS):
+            samples = sample(self.path, first.profile.scaled(factor), self._rate, smooth)
+            judged = self.judge(self.motion(samples), samples.moving)
+            if (over := judged.most(heated) - _SETTLED) <= 0.0:
+                break
+            factor *= max(1.0 - 0.6 * 2.0**attempt * over, 0.9)
+        else:  # friction that grows as the speed falls
+            return first
+        if factor == 1.0:
+            return first
+        heat, profile = (judged.heat if heated else None), first.profile.scaled(factor)
+        return self.result(first.problem, profile, judged, smooth, result.uniform, heat)
 
     def fastest(self, points: int, heat: bool, smooth: float) -> RetimeResult:
         """The fastest motion, judged as it is smoothed; arguments see `retime`."""
@@ -266,8 +348,9 @@ class _Retiming:
         if heat and any(np.isfinite(x.over_time[0]) for x in self.limits):
             profile, uniform, use = self.cool(problem, profile, smooth)
         if smooth or use is not None:
-            samples = sample(self.path, profile, self.policy.sample_rate, smooth)
-        return self.result(problem, profile, samples, smooth, uniform, use)
+            samples = sample(self.path, profile, self._rate, smooth)
+        judged = self.judge(self.motion(samples), samples.moving)
+        return self.result(problem, profile, judged, smooth, uniform, use)
 
     def smoothed(self, result: RetimeResult, points: int, heat: bool) -> RetimeResult:
         """Tighten the limits where smoothing exceeds them; if that does not do, go more slowly.
@@ -280,7 +363,7 @@ class _Retiming:
             if best.excess <= self.policy.tolerance:
                 return best
             # Where, and by which part, the smoothed motion exceeds a limit
-            samples = sample(self.path, best.profile, self.policy.sample_rate, best.smooth)
+            samples = sample(self.path, best.profile, self._rate, best.smooth)
             use = best.usage.max(axis=(1, 2))
             for i in np.flatnonzero(samples.moving & (use > 1.0)):
                 reach = float(samples.rate[max(i - 1, 0) : i + 2].max()) * best.smooth
@@ -295,29 +378,28 @@ class _Retiming:
         while best.excess > self.policy.tolerance and factor > _SLOWEST:
             factor *= max(0.9, 1.0 / np.sqrt(1.0 + 2.0 * best.excess))
             profile = result.profile.scaled(factor)
-            samples = sample(self.path, profile, self.policy.sample_rate, smooth)
-            use = None if result.rms is None else self.heat_used(samples)
-            best = self.result(result.problem, profile, samples, smooth, result.uniform, use)
+            samples = sample(self.path, profile, self._rate, smooth)
+            judged = self.judge(self.motion(samples), samples.moving)
+            use = None if result.rms is None else judged.heat
+            best = self.result(result.problem, profile, judged, smooth, result.uniform, use)
         return best
 
     def notes(self, result: RetimeResult, heat: bool) -> Iterator[str]:
         """Say what is exceeded, what `size` does not accept, whose heat is unknown."""
         names = [drive.name for drive in self.scene.drives]
-        if result.excess > self.policy.tolerance:
+        if result.excess > 0.0:
             d, k = np.unravel_index(result.usage.max(axis=0).argmax(), result.usage.shape[1:])
             why = f"smoothing over {1e3 * result.smooth:g} ms" if result.smooth else "the motion"
             yield (
                 f"{why} exceeds the {instant_limits()[k].name} of {names[d]} by "
                 f"{100 * result.excess:.2g} %"
             )
-        for name, criteria in result.criteria.items():
-            failed = [
-                c.why
-                for c in criteria
-                if c.fails and (c.margin is None or c.margin < -self.policy.tolerance)
-            ]
-            if heat and failed:
-                yield f"{name}: this motion, repeated, does not pass `size`: {'; '.join(failed)}"
+        failing: dict[str, list[str]] = {}
+        for line in result.failing:
+            name, _, why = line.partition(": ")
+            failing.setdefault(name, []).append(why)
+        for name, reasons in failing.items():
+            yield f"{name}: this motion, repeated, does not pass `size`: {'; '.join(reasons)}"
         cold = [
             n
             for n, x in zip(names, self.limits, strict=True)
@@ -407,7 +489,7 @@ class _Retiming:
                 continue
             if stalls.size:
                 raise RetimeError(problem.stalled(profile, int(stalls[0])))
-            samples = sample(self.path, profile, self.policy.sample_rate)
+            samples = sample(self.path, profile, self._rate)
             if attempt == _ROUNDS or not self._cut(problem, profile, samples, grids):
                 break
         return problem, profile, samples
@@ -494,7 +576,7 @@ class _Retiming:
 
     def cool(
         self, problem: PathProblem, fast: Profile, smooth: float
-    ) -> tuple[Profile, float, np.ndarray]:
+    ) -> tuple[Profile, float | None, np.ndarray]:
         """Keep continuous torques, as the samples show them; and the uniform motion's duration."""
         limit = np.array([x.over_time[0] for x in self.limits])
         path, n = self.path, len(self.path.pieces)
@@ -505,36 +587,43 @@ class _Retiming:
         torque = signals(still)["motor torque"]
         stay = np.array(path.holds)
         asked, near = limit, 0.5 * self.policy.tolerance
+        given = self.given_profile(problem.grid)
         for _ in range(4):
             cycle = HeatBudget(asked, stay @ torque**2, float(stay.sum()))
-            profile, uniform = within_continuous(problem, fast, cycle)
-            use = self.heat_used(sample(path, profile, self.policy.sample_rate, smooth))
+            profile, uniform = within_continuous(problem, fast, cycle, given)
+            samples = sample(path, profile, self._rate, smooth)
+            use = self.judge(self.motion(samples), samples.moving).heat
             least = 0.0 if profile is fast else 1.0 - near  # smoothing cools: there may be room
             if least <= use.max() <= 1.0 + near:
                 break
             asked = asked / np.maximum(use, min(use.max(), 1.0))
-        return profile, uniform + n * smooth + float(stay.sum()), use
+        whole = uniform + n * smooth + float(stay.sum())
+        return profile, whole if np.isfinite(whole) else None, use
 
-    def heat_used(self, samples: RetimedSamples) -> np.ndarray:
-        """Return (na,) the part of its continuous torque that each motor uses."""
-        judged = inverse_dynamics(self.scene, self.motion(samples))
-        used = [rms(judged.times, torque) for torque in signals(judged)["motor torque"].T]
-        return np.array(used) / [x.over_time[0] for x in self.limits]
+    @property
+    def _rate(self) -> float:
+        """Of the samples, Hz."""
+        return self.policy.sample_rate
+
+    def judge(self, trajectory: Trajectory, moving: np.ndarray) -> _Judged:
+        """Return what a motion (T,) uses of all limits; `moving`: (T,)."""
+        result = inverse_dynamics(self.scene, trajectory)
+        used = [rms(result.times, torque) for torque in signals(result)["motor torque"].T]
+        heat = np.array(used) / [x.over_time[0] for x in self.limits]
+        return _Judged(trajectory, result, usage(result, self.limits), moving, heat)
 
     def result(
         self,
         problem: PathProblem,
         profile: Profile,
-        samples: RetimedSamples,
+        judged: _Judged,
         smooth: float,
         uniform: float | None,
         heat: np.ndarray | None,
     ) -> RetimeResult:
-        """Judge the samples and say what holds them back; `uniform`, `heat`: see `cool`."""
-        trajectory = self.motion(samples)
-        judged = inverse_dynamics(self.scene, trajectory)
-        use = usage(judged, self.limits)
-        moving, rows = use[samples.moving], instant_limits()
+        """Say what holds a judged motion back; `uniform`, `heat`: see `cool`."""
+        trajectory, use = judged.trajectory, judged.use
+        moving, rows = use[judged.moving], instant_limits()
         shares = (moving > _AT_LIMIT).mean(axis=0) if len(moving) else np.zeros(use.shape[1:])
         limiting = {
             drive.name: {rows[k].name: float(shares[d, k]) for k in np.flatnonzero(shares[d])}
@@ -547,13 +636,13 @@ class _Retiming:
         named = [
             (i, x.from_catalog) for i, x in enumerate(self.limits) if x.from_catalog is not None
         ]
-        holding = holds(self.scene, trajectory, judged.states.v)
-        inertias = load_inertias(judged) if named else np.empty(0)
+        holding = holds(self.scene, trajectory, judged.result.states.v)
+        inertias = load_inertias(judged.result) if named else np.empty(0)
         return RetimeResult(
             trajectory=trajectory,
             duration=float((profile.duration + smooth).sum() + sum(self.path.holds)),
             moves=profile.duration + smooth,
-            before=self.path.duration,
+            before=None if self.path.given is None else self.path.given.duration,
             limiting=limiting,
             excess=max(0.0, float(moving.max(initial=0.0)) - 1.0),
             usage=use,
@@ -564,7 +653,7 @@ class _Retiming:
             smooth=smooth,
             criteria={
                 self.scene.drives[i].name: criteria_over(
-                    judged, i, *drive, holding, float(inertias[i])
+                    judged.result, i, *drive, holding, float(inertias[i])
                 )
                 for i, drive in named
             },

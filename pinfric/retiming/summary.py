@@ -65,6 +65,9 @@ class RetimeSummary:
     sample_rate: float = quantity("of the trajectory", "Hz")
     grid_points: int = quantity("number of grid points along the path")
     drives: tuple[DriveUse, ...] = quantity("in the order of the scene")
+    failing: tuple[str, ...] = quantity(
+        "criteria of `size` that this motion, repeated, does not pass, with their drives"
+    )
     notes: tuple[str, ...] = quantity("limits that are exceeded or were not checked")
 
 

@@ -20,6 +20,7 @@ from pinfric.errors import RetimeError
 from pinfric.retiming.problem import PathProblem
 from pinfric.retiming.profile import Profile
 from pinfric.retiming.scan import box_scan, ranges, torques
+from pinfric.retiming.tables import Grid
 
 #: Signs of u in u - low and high - u.
 _SIGNS = np.array([1.0, -1.0])
@@ -48,28 +49,33 @@ class HeatBudget:
 
 
 def within_continuous(
-    problem: PathProblem, fast: Profile, cycle: HeatBudget
+    problem: PathProblem, fast: Profile, cycle: HeatBudget, given: Profile | None = None
 ) -> tuple[Profile, float]:
     """Return the fastest profile within the continuous torques, and the uniform one's duration, s.
 
-    `fast`: the fastest profile without this limit, returned where it is within it.
+    Args:
+        fast: the fastest profile without this limit, returned where it is within it.
+        given: another to begin with where no slower `fast` is; it may rest where holding is light.
 
     Raises:
-        RetimeError: a motor exceeds it however slow the motion is.
+        RetimeError: neither is within them.
     """
     barrier = _Barrier(problem, cycle)
     if (barrier.slack(fast.x) >= 0.0).all():
         return fast, float(fast.duration.sum())
-    factor = barrier.uniform(fast)
+    try:
+        factor = barrier.uniform(fast)
+    except RetimeError:
+        if given is None or not np.isfinite(barrier.value(given.x, 1.0)):
+            raise
+        return barrier.from_start(problem.grid, given.x), np.inf
     uniform = fast.scaled(factor)
     total = float(uniform.duration.sum())
     while not np.isfinite(barrier.value(fast.x * (factor * _ROOM) ** 2, 1.0)):
         factor *= 0.9  # friction that falls with the speed, a slower motion beyond a limit
         if factor < 1e-3:
             return uniform, total
-    x = barrier.minimize(fast.x * (factor * _ROOM) ** 2)
-    u = np.diff(x) / (2.0 * barrier.step)
-    profile = Profile.of(problem.grid, x, np.stack([u, u], axis=1))
+    profile = barrier.from_start(problem.grid, fast.x * (factor * _ROOM) ** 2)
     return (profile if profile.duration.sum() <= total else uniform), total
 
 
@@ -129,8 +135,9 @@ class _Barrier:
         worst = int(np.argmin(self.slack(fast.x * 1e-4)))
         name = [n for n, judged in zip(self.names, self.judged, strict=True) if judged][worst]
         raise RetimeError(
-            f"drive {name!r} exceeds its continuous torque at any speed, because it holds too much "
-            "load; take a larger motor, shorter holds, or heat=False (--no-heat) for a single run"
+            f"drive {name!r} exceeds its continuous torque however much the fastest motion is "
+            "slowed down, because it holds too much load, and so does a timing that is given; "
+            "take a larger motor, shorter holds, or heat=False (--no-heat) for a single run"
         )
 
     def ranges(self, ends: np.ndarray) -> np.ndarray:
@@ -153,6 +160,12 @@ class _Barrier:
             return np.inf
         logs = np.log(gap).sum() + self.heavy * np.log(slack).sum() + np.log(room).sum()
         return float(self.durations(x)[0].sum() - weight * logs)
+
+    def from_start(self, grid: Grid, x: np.ndarray) -> Profile:
+        """Return the fastest profile that is reached from squares of speeds (n + 1,) inside."""
+        x = self.minimize(x)
+        u = np.diff(x) / (2.0 * self.step)
+        return Profile.of(grid, x, np.stack([u, u], axis=1))
 
     def minimize(self, x: np.ndarray) -> np.ndarray:
         """Return (n + 1,) x of the minimum, following the weights down."""

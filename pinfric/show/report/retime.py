@@ -81,6 +81,9 @@ def verdict(summary: RetimeSummary) -> str:
     if held:
         share, name, kind = max(held)
         said += f"; {name} holds it back most ({kind}, {percent(share)} of the time moving)"
+    if summary.failing:
+        more = len(summary.failing) - 1
+        said += f"; does not pass `size`: {summary.failing[0]}" + f"; {more} more" * bool(more)
     return said
 
 
