@@ -53,7 +53,7 @@ _ROUNDS = 10
 #: A smoothed motion that would have to be run more slowly than by this factor is given up.
 _SLOWEST = 0.05
 #: Limits and continuous torques are used up to this part: a file's last digits do not exceed them.
-_SETTLED = 1.0 - 1.0e-6
+_SETTLED = 1.0 - 1.0e-7
 #: A limit of which more than this part is used holds the motion back.
 _AT_LIMIT = 0.995
 #: Times the points asked for, where fewer find no way along the path.
@@ -527,7 +527,7 @@ class _Retiming:
         grids: list[np.ndarray],
     ) -> bool:
         """Cut the intervals in which a limit is exceeded; False where there are none."""
-        grid, most = problem.grid, 1.0 + 0.5 * self.policy.tolerance
+        grid, most = problem.grid, 1.0 + 0.2 * self.policy.tolerance
         of, x, u = profile.inside(_INSIDE)
         rows = grid.start[of]
         s = grid.s[rows] + np.tile(_INSIDE, len(grid.step)) * grid.step[of]

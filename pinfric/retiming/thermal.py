@@ -135,9 +135,9 @@ class _Barrier:
         worst = int(np.argmin(self.slack(fast.x * 1e-4)))
         name = [n for n, judged in zip(self.names, self.judged, strict=True) if judged][worst]
         raise RetimeError(
-            f"drive {name!r} exceeds its continuous torque however much the fastest motion is "
-            "slowed down, because it holds too much load, and so does a timing that is given; "
-            "take a larger motor, shorter holds, or heat=False (--no-heat) for a single run"
+            f"drive {name!r} exceeds its continuous torque at any speed of the fastest motion, "
+            "because it holds too much load, and in the given time; take a larger motor, shorter "
+            "holds, or heat=False (--no-heat) for a single run"
         )
 
     def ranges(self, ends: np.ndarray) -> np.ndarray:
