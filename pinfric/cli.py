@@ -292,7 +292,7 @@ def size(
     same robot in a scene with another gravity; each joint gets what bears the hardest. Before
     there is a cycle: --rating payload=10 (kg), held and lifted in the worst posture of each joint.
     """
-    from pinfric.sizing.files import CHOSEN, sized_files
+    from pinfric.sizing.files import CHOSEN, judge_files, sized_files
 
     by_scene = _cycles(trajectory_name, cycle, rating is not None)
     names = "sizing.json", "report.html", *CHOSEN
@@ -339,6 +339,7 @@ def size(
         files["bom.csv"] = bill
     if out is not None:
         files |= sized_files(report, out)
+        judge_files(report)
     show_it = partial(sizing_report, report, run.verbose, out is not None)
     answer(
         "size",

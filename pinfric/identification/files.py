@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -72,9 +73,8 @@ def posterior_text(findings: Findings) -> str:
 
 def scene_text(findings: Findings, robot: Robot, folder: Path) -> str:
     """Return the identified scene as a commented file in `folder`."""
-    content = scene_content(
-        findings.scene, robot, folder, "" if findings.keeps_inertias else _ROBOT
-    )
+    scene = replace(findings.scene, sized=None)  # its masses are the logs' now
+    content = scene_content(scene, robot, folder, "" if findings.keeps_inertias else _ROBOT)
     logs, at = ", ".join(log.name for log in findings.recordings), findings.estimate.question.at
     lines = [
         f"# Friction identified from {logs} by `pinfric identify`.",

@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from pinfric.drives.installed import sized_for
+from pinfric.dynamics.inverse.inverse import inverse_dynamics
+from pinfric.errors import PinfricWarning, SizingError
 from pinfric.model.robot import locator
+from pinfric.model.scene_file import load_scene
 from pinfric.model.scene_text import robot_with_bodies, scene_content
 from pinfric.model.yamlfile import yaml_text
 from pinfric.sizing.verdict import JointState, JointVerdict
@@ -18,6 +25,14 @@ if TYPE_CHECKING:  # a command asks for the names before it imports what takes t
 #: What `size --out` writes where drives are chosen: parts, scene, robot, limits of the motors.
 CHOSEN = "bom.csv", "sized.scene.yaml", "sized.urdf", "motors.yaml"
 _, _SCENE, _ROBOT, _MOTORS = CHOSEN
+#: What is judged of files that are read back, and by which part of the largest it may be off.
+_JUDGED = {
+    "effort_lower": "efforts",
+    "effort_upper": "efforts",
+    "motor_torque_lower": "motor torques",
+    "motor_torque_upper": "motor torques",
+}
+_READ_BACK = 1e-5
 
 
 def sized_files(report: SizingReport, folder: Path) -> dict[str, str]:
@@ -65,6 +80,40 @@ def sized_files(report: SizingReport, folder: Path) -> dict[str, str]:
     if heavier:
         texts[_ROBOT] = robot_with_bodies(robot, scene.model)
     return texts
+
+
+def judge_files(report: SizingReport) -> None:
+    """Read the files of a sizing back, and judge that their machine does what was sized.
+
+    Raises:
+        SizingError: an effort or a motor's torque is another.
+    """
+    with TemporaryDirectory() as name, warnings.catch_warnings():
+        warnings.simplefilter("ignore", PinfricWarning)  # said of the scene that was given
+        folder = Path(name)
+        for file, text in sized_files(report, folder).items():
+            (folder / file).write_text(text, encoding="utf-8")
+        if not (folder / _SCENE).exists():
+            return
+        scene = load_scene(folder / _SCENE)
+    rating, states = report.rating, report.result.states
+    part = rating.own if rating is not None and rating.cycles else slice(None)
+    carried = states.attached
+    if carried is not None:
+        names = list(report.scene.payloads)
+        carried = carried[part][:, [names.index(payload) for payload in scene.payloads]]
+    q, v, a = (x[part] for x in (states.q, states.v, states.a))
+    read = inverse_dynamics(scene, q, v, a, attached=carried)
+    for key, what in _JUDGED.items():
+        mine, theirs = getattr(read, key), getattr(report.result, key)[part]
+        largest = np.abs(theirs).max(axis=0)
+        off = np.abs(mine - theirs).max(axis=0) > _READ_BACK * np.maximum(largest, 1e-2)
+        for i in np.flatnonzero(off):
+            raise SizingError(
+                f"{_SCENE}: read back, it has {what} up to {np.abs(mine[:, i]).max():.6g} at "
+                f"{report.joints[i].name}, where {largest[i]:.6g} was judged: nothing is written; "
+                "this is a defect of pinfric, please report it with the scene"
+            )
 
 
 def _mark(joint: JointVerdict) -> str:

@@ -17,6 +17,7 @@ RARE = {
     "redundancy_length": 0.2,
     "sized": {"joints": {"crank_pin": 4.2}, "payloads": {}},
     "stops": {"category": 0, "reaction_time": 0.02},
+    "sized": {"joints": {"crank_pin": 1.5}},
 }
 
 

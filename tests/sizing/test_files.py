@@ -1,6 +1,7 @@
 """Files of `size --out` for the commands that follow."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,10 +10,11 @@ from cli_cases import refused, run, told
 from sizing_cases import GEAR, MOTOR, write_catalog
 
 import pinfric as pf
-from pinfric.errors import CatalogError, RetimeError
+from pinfric.errors import CatalogError, RetimeError, SizingError
+from pinfric.model.scene_text import scene_content
 from pinfric.model.schema import Assumed
 from pinfric.retiming.limits import limited_scene, read_limits
-from pinfric.sizing.files import sized_files
+from pinfric.sizing.files import judge_files, sized_files
 
 
 def test_the_sized_scene_is_the_reports_and_goes_with_it(tmp_path, capsys):
@@ -88,6 +90,17 @@ def test_a_rated_payload_beside_a_cycle_is_no_payload_of_the_scene(braked):
     folder, report = braked
     assert list(report.scene.payloads) == ["part", "rated"]
     assert list(pf.load_scene(folder / "sized.scene.yaml").payloads) == ["part"]
+
+
+def test_files_are_read_back_and_judged_before_they_are_written(braked, monkeypatch):
+    _, report = braked
+    judge_files(report)
+    monkeypatch.setattr(
+        "pinfric.sizing.files.scene_content",
+        lambda scene, *more: scene_content(replace(scene, payloads={}), *more),
+    )
+    with pytest.raises(SizingError, match=r"sized.scene.yaml: read back, it has efforts up to .*"):
+        judge_files(report)
 
 
 def test_joints_that_are_not_signed_are_marked(braked):
