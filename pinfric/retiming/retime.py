@@ -54,6 +54,8 @@ _ROUNDS = 10
 _SLOWEST = 0.05
 #: Limits and continuous torques are used up to this part: a file's last digits do not exceed them.
 _SETTLED = 1.0 - 1.0e-7
+#: Part of the tolerance over a limit that the whole motion, run more slowly, takes off.
+_NEAR = 0.2
 #: A limit of which more than this part is used holds the motion back.
 _AT_LIMIT = 0.995
 #: Times the points asked for, where fewer find no way along the path.
@@ -360,7 +362,7 @@ class _Retiming:
         """
         best = result
         for _ in range(_ROUNDS):
-            if best.excess <= self.policy.tolerance:
+            if best.excess <= _NEAR * self.policy.tolerance:
                 return best
             # Where, and by which part, the smoothed motion exceeds a limit
             samples = sample(self.path, best.profile, self._rate, best.smooth)
@@ -527,7 +529,7 @@ class _Retiming:
         grids: list[np.ndarray],
     ) -> bool:
         """Cut the intervals in which a limit is exceeded; False where there are none."""
-        grid, most = problem.grid, 1.0 + 0.2 * self.policy.tolerance
+        grid, most = problem.grid, 1.0 + _NEAR * self.policy.tolerance
         of, x, u = profile.inside(_INSIDE)
         rows = grid.start[of]
         s = grid.s[rows] + np.tile(_INSIDE, len(grid.step)) * grid.step[of]
