@@ -15,7 +15,6 @@ RARE = {
     "assumed": Assumed(by="us", date="", version="1", values={"friction.crank_pin.mu": "0.1"}),
     "loop_tolerance": {"angle": 2e-5},
     "redundancy_length": 0.2,
-    "sized": {"joints": {"crank_pin": 4.2}, "payloads": {}},
     "stops": {"category": 0, "reaction_time": 0.02},
     "sized": {"joints": {"crank_pin": 1.5}},
 }
