@@ -140,9 +140,14 @@ def __getattr__(name: str) -> Any:
     raise AttributeError(f"module 'pinfric' has no attribute {name!r}{gone and f'; {gone}'}")
 
 
+#: What lower rooms call and users do not.
+_INTERNAL = {"findings_of": "pinfric.checking.plausibility"}
+
+
 def _from_below(name: str) -> Any:
-    """Return a function that imports a public name at its first call and calls it."""
-    return lambda *given, **named: __getattr__(name)(*given, **named)
+    """Return a function that imports a name at its first call and calls it."""
+    module = _INTERNAL.get(name) or _PUBLIC[name]
+    return lambda *given, **named: getattr(import_module(module), name)(*given, **named)
 
 
 for _name in upward.NAMES:

@@ -10,7 +10,6 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 
-from pinfric.checking.link_extent import place_of
 from pinfric.checking.robot import RobotFacts
 from pinfric.errors import RobotError
 from pinfric.model.total_mass import DENSE, THIN
@@ -42,7 +41,7 @@ def estimated_masses(facts: RobotFacts, mass: float) -> tuple[dict[str, pin.Iner
         for name, extent in facts.shapes.items()
         if extent.hull > 0 and not facts.oversized(extent)
     }
-    moved = [joint.child for joint in facts.document.joints if joint.type != "fixed"]
+    moved = [joint.child for joint in facts.joints if joint.type != "fixed"]
     hulls = sum(extent.hull for extent in shaped.values())
     known = sum(any(link in shaped for link in facts.fixed_to(name)) for name in moved)
     if hulls and 2 * known >= len(moved) and THIN <= mass / hulls <= DENSE:
@@ -58,7 +57,7 @@ def estimated_masses(facts: RobotFacts, mass: float) -> tuple[dict[str, pin.Iner
 def _limbs(facts: RobotFacts, link: str) -> list[int]:
     """Number of joints of each branch that leaves a body; refuses several limbs on one body."""
     counts: list[int] = []
-    for joint in facts.document.joints:
+    for joint in facts.joints:
         if joint.parent == link:
             beyond = _limbs(facts, joint.child)
             counts += beyond if joint.type == "fixed" else [1 + max(beyond, default=0)]
@@ -72,14 +71,14 @@ def _limbs(facts: RobotFacts, link: str) -> list[int]:
 
 def _by_length(facts: RobotFacts, mass: float) -> dict[str, pin.Inertia]:
     """By lengths along the longest way behind the first joint that moves."""
-    steps = {joint.child: joint for joint in facts.document.joints}
+    steps = {joint.child: joint for joint in facts.joints}
 
     def length(way: list[str]) -> float:
-        return sum(float(np.linalg.norm(place_of(steps[x].origin)[:3, 3])) for x in way)
+        return sum(float(np.linalg.norm(steps[x].place[:3, 3])) for x in way)
 
     ways = [[link for link in way if link not in facts.still] for way in facts.ways]
     way = max(ways, key=lambda links: length(links[1:]))
-    steps_to = [place_of(steps[link].origin)[:3, 3] for link in way[1:]]
+    steps_to = [steps[link].place[:3, 3] for link in way[1:]]
     total = length(way[1:])
     if total == 0.0:
         raise RobotError(

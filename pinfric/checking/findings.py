@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable
 from enum import IntEnum
 from functools import partial
-from pathlib import Path
 
 from pinfric.errors import PinfricError
 from pinfric.model.brief import file_name, screen
@@ -39,6 +38,15 @@ class Finding:
         "the value if it is in another unit; empty: no unit explains it", default=""
     )
     excess: float = quantity("factor by which it exceeds the plausible limit", default=1.0)
+    unsigned: bool = quantity(
+        "of a warning: whether no drive is signed beside it, as beside an error", default=False
+    )
+
+    @property
+    @derived()
+    def refuses(self) -> bool:
+        """Whether no drive is signed beside it."""
+        return self.unsigned or self.severity == Severity.ERROR
 
     @property
     @derived(heading="what")
@@ -49,6 +57,28 @@ class Finding:
 
 
 note, warning, error = (partial(Finding, severity) for severity in Severity)
+
+#: The same finding at more places is one line, with so many of their names.
+_MOST_NAMES = 4
+
+
+def alike(findings: Iterable[Finding]) -> list[tuple[Finding, str]]:
+    """Return the first finding of each severity and kind, and at which other places it is, too."""
+    groups: dict[tuple[Severity, str], list[Finding]] = {}
+    for finding in findings:
+        groups.setdefault((finding.severity, finding.kind), []).append(finding)
+    named = []
+    for first, *same in groups.values():
+        word = first.place.partition(" ")[0]
+        names = ", ".join(f.place.removeprefix(f"{word} ") for f in same[:_MOST_NAMES])
+        more = f" and {len(same) - _MOST_NAMES} more" if len(same) > _MOST_NAMES else ""
+        named.append((first, f"; also {names}{more}" if same else ""))
+    return named
+
+
+def lines(findings: Iterable[Finding]) -> list[str]:
+    """Return findings in words, the same finding at several places as one."""
+    return [f"{first.place}: {first.text}{also}" for first, also in alike(findings)]
 
 
 @described
@@ -94,18 +124,6 @@ class CheckReport(Shown):
     def notes(self) -> int:
         """How many notes there are."""
         return self.count(Severity.NOTE)
-
-    @classmethod
-    def of(
-        cls,
-        source: str,
-        findings: Iterable[Finding],
-        figures: dict[str, float],
-        files: Iterable[str | Path],
-    ) -> CheckReport:
-        """Return the report with its findings sorted."""
-        order = tuple(sorted(findings, key=lambda f: (-f.severity, -f.excess)))
-        return cls(source, order, figures, tuple(map(str, files)))
 
     def count(self, severity: Severity) -> int:
         """Return how many findings there are of one severity."""

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import Any
 
 from pinfric.checking.findings import Finding, Severity, error, note, warning
 from pinfric.checking.joint_loads import in_kgf_cm, joint_loads, one_limit
-from pinfric.checking.robot import RobotFacts
+from pinfric.checking.robot import JointFacts, RobotFacts
 from pinfric.checking.robot_masses import believed_weight
 from pinfric.model.mistaken_units import ANGLES, LENGTHS, in_unit, likely_unit
 from pinfric.model.robot import Robot
@@ -18,8 +17,8 @@ from pinfric.model.urdf import reductions
 _UNLIMITED = 1e300
 #: A turning joint rarely has a limit beyond so many rad; as degrees it would be at most that.
 _MOST_ANGLE, _MOST_DEGREES = 20.0, 720.0
-#: A sliding joint rarely goes so many m, nor so many times as far as the robot reaches.
-_MOST_TRAVEL, _TRAVEL_OVER_REACH = 5.0, 3.0
+#: A sliding joint rarely goes so many m, nor so many times the robot's length.
+_MOST_TRAVEL, _TRAVEL_OVER_LENGTH = 5.0, 3.0
 #: Few joints turn faster than so many rad/s, or slide faster than so many m/s.
 _FASTEST, _FASTEST_SLIDING = 60.0, 20.0
 #: Roll, pitch and yaw are within a turn.
@@ -27,13 +26,18 @@ _TURN = 2.0 * math.pi + 0.01
 _MOVING = ("revolute", "continuous", "prismatic", "planar")
 
 
-def joint_findings(facts: RobotFacts, robot: Robot | None) -> Iterator[Finding]:
-    """Yield findings joint by joint, then those on the URDF's drives and friction, if it loads."""
-    for joint in facts.document.joints:
-        yield from _placement(joint, facts)
+def joint_findings(
+    facts: RobotFacts, robot: Robot | None, meshes: bool = True
+) -> Iterator[Finding]:
+    """Yield findings joint by joint, then those on the URDF's drives and friction, if it loads.
+
+    Effort limits are judged by masses, and these by meshes: without them they are left out.
+    """
+    for joint in facts.joints:
+        yield from _placement(joint)
         if joint.type in _MOVING:
-            yield from _limits(joint, facts.reach)
-            if facts.elements[joint.name].find("axis") is None:
+            yield from _limits(joint, facts.length)
+            if not joint.has_axis:
                 read, place = "read as 1 0 0, its x axis", f"joint {joint.name}"
                 yield warning("axis", place, "no <axis>", read)
             yield from _masses(joint, facts)
@@ -46,7 +50,8 @@ def joint_findings(facts: RobotFacts, robot: Robot | None) -> Iterator[Finding]:
             "which does not exist; the joint gets its own drive",
         )
     if robot is not None:
-        yield from _efforts(robot, facts)
+        if meshes:
+            yield from _efforts(robot, facts)
         movable = set(robot.model.names)
         stated = {
             name: d
@@ -74,7 +79,7 @@ def joint_findings(facts: RobotFacts, robot: Robot | None) -> Iterator[Finding]:
                 "none",
             )
     for name, ratio in reductions(facts.root).items():
-        if name not in facts.elements:
+        if all(joint.name != name for joint in facts.joints):
             said = "a <transmission> names it", "there is no such joint"
         elif not math.isfinite(ratio) or ratio == 0.0:
             said = f"<mechanicalReduction> {ratio:g}", "connects nothing"
@@ -83,29 +88,26 @@ def joint_findings(facts: RobotFacts, robot: Robot | None) -> Iterator[Finding]:
         yield warning("transmission", f"joint {name}", *said)
 
 
-def _placement(joint: Any, facts: RobotFacts) -> Iterator[Finding]:
-    """Roll, pitch and yaw as written: the document has only their matrix."""
-    origin = facts.elements[joint.name].find("origin")
-    rpy = [] if origin is None else [float(x) for x in origin.get("rpy", "").split()]
-    worst = max(map(abs, rpy), default=0.0)
+def _placement(joint: JointFacts) -> Iterator[Finding]:
+    worst = max(map(abs, joint.rpy), default=0.0)
     if worst > _TURN:
         unit = likely_unit(ANGLES, lambda size: size * worst <= _TURN)
         yield Finding(
             Severity.ERROR if unit else Severity.WARNING,
             "rpy",
             f"joint {joint.name}",
-            f"origin rpy {' '.join(f'{x:g}' for x in rpy)} rad",
+            f"origin rpy {' '.join(f'{x:g}' for x in joint.rpy)} rad",
             "more than a turn",
             in_unit(unit, "rad", worst),
             worst / _TURN,
         )
 
 
-def _limits(joint: Any, reach: float) -> Iterator[Finding]:
-    limit, place = joint.limit, f"joint {joint.name}"
-    if limit is None:
+def _limits(joint: JointFacts, length: float) -> Iterator[Finding]:
+    place = f"joint {joint.name}"
+    if joint.limit is None:
         return
-    low, high = limit.lower or 0.0, limit.upper or 0.0
+    low, high = joint.stated("lower"), joint.stated("upper")
     widest = max(abs(end) for end in (low, high, 0.0) if abs(end) < _UNLIMITED)
     if joint.type in ("revolute", "prismatic") and low == high == 0.0:
         yield warning(
@@ -125,18 +127,18 @@ def _limits(joint: Any, reach: float) -> Iterator[Finding]:
             f"if they are in degrees: {math.radians(low):.3g} to {math.radians(high):.3g} rad",
             widest / _MOST_ANGLE,
         )
-    elif joint.type == "prismatic" and widest > max(_MOST_TRAVEL, _TRAVEL_OVER_REACH * reach):
+    elif joint.type == "prismatic" and widest > max(_MOST_TRAVEL, _TRAVEL_OVER_LENGTH * length):
         unit = likely_unit(LENGTHS, lambda size: size * widest < 0.2 * _MOST_TRAVEL)
         yield Finding(
             Severity.ERROR if unit else Severity.WARNING,
             "range",
             place,
             f"limits {low:g} to {high:g} m",
-            f"the robot reaches {reach:.3g} m",
+            f"the robot is {length:.3g} m long",
             in_unit(unit, "m", widest),
             widest / _MOST_TRAVEL,
         )
-    speed, sliding = limit.velocity or 0.0, joint.type == "prismatic"
+    speed, sliding = joint.stated("velocity"), joint.type == "prismatic"
     fastest = _FASTEST_SLIDING if sliding else _FASTEST
     if fastest < speed < math.inf:
         unit = None if sliding else likely_unit(ANGLES, lambda size: speed <= _MOST_DEGREES)
@@ -150,11 +152,11 @@ def _limits(joint: Any, reach: float) -> Iterator[Finding]:
         )
 
 
-def _masses(joint: Any, facts: RobotFacts) -> Iterator[Finding]:
+def _masses(joint: JointFacts, facts: RobotFacts) -> Iterator[Finding]:
     masses = facts.masses
     own = facts.fixed_to(joint.child)
     if facts.moved_mass(joint) > 0.0 and all(masses[link] == 0.0 for link in own):
-        shaped = any(link in facts.shapes for link in own)
+        shaped = any(link in facts.drawn and link in facts.shapes for link in own)
         yield Finding(
             Severity.WARNING if shaped else Severity.NOTE,
             "massless link",
@@ -164,11 +166,9 @@ def _masses(joint: Any, facts: RobotFacts) -> Iterator[Finding]:
         )
 
 
-def _friction(joint: Any) -> Iterator[Finding]:
+def _friction(joint: JointFacts) -> Iterator[Finding]:
     """Friction above what the drive can give: it would never move."""
-    dynamics, limit = joint.dynamics, joint.limit
-    effort = 0.0 if limit is None else limit.effort or 0.0
-    friction = 0.0 if dynamics is None else float(dynamics.friction or 0)
+    effort, friction = joint.stated("effort"), joint.friction
     if 0.0 < effort < friction:
         unit = "N" if joint.type == "prismatic" else "N m"
         yield warning(

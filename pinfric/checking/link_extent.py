@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
 
 import numpy as np
+import pinocchio as pin
 from scipy.spatial import ConvexHull, QhullError
 
 from pinfric.model.magnitudes import LARGEST, impossible
@@ -34,14 +35,14 @@ class Extent:
     Attributes:
         low, high: (3,) its corners, m, in the link's frame and along its axes.
         hull: volume of the convex hull of its visuals or collision shapes, the larger one, m^3.
-        solid: volume in its visuals, or else its collision shapes, if all are closed meshes, m^3; 0
-            otherwise.
+        solids: volumes in its visuals and in its collision shapes, m^3; 0 where not all of them are
+            closed meshes.
     """
 
     low: np.ndarray
     high: np.ndarray
     hull: float = 0.0
-    solid: float = 0.0
+    solids: tuple[float, float] = (0.0, 0.0)
 
     @property
     def size(self) -> np.ndarray:
@@ -62,33 +63,52 @@ class Extent:
         return float(np.linalg.norm(np.maximum(abs(self.low - point), abs(self.high - point))))
 
 
-def link_extents(
-    document: Any, urdf: Path, folders: Sequence[Path]
-) -> tuple[dict[str, Extent], dict[str, str]]:
-    """Return link -> its extent where it has shapes, and mesh -> why it cannot be read.
+class MeasuredLinks(Mapping[str, Extent]):
+    """The extents of those links of a checked URDF that have shapes, measured when asked for.
 
-    `folders`: where `package://` names may begin.
+    Attributes:
+        unread: mesh that cannot be read -> why, of the links measured so far.
     """
-    extents: dict[str, Extent] = {}
-    unread: dict[str, str] = {}
-    for link in document.links:
-        corners, hulls, solids = [], [0.0], [0.0]
-        for shapes in (link.visuals, link.collisions):
-            points, held, closed = [], 0.0, True
-            for shape in shapes:
-                placed = _shape(shape, urdf, folders, unread)
+
+    def __init__(self, root: ElementTree.Element, urdf: Path, folders: Sequence[Path]) -> None:
+        """`folders`: where `package://` names may begin."""
+        self._links = {link.attrib["name"]: link for link in root.findall("link")}
+        self._urdf, self._folders = urdf, folders
+        self._measured: dict[str, Extent | None] = {}
+        self.unread: dict[str, str] = {}
+
+    def __getitem__(self, link: str) -> Extent:
+        if link not in self._measured:
+            self._measured[link] = self._measure(self._links[link])
+        if (extent := self._measured[link]) is None:
+            raise KeyError(link)
+        return extent
+
+    def __iter__(self) -> Iterator[str]:
+        return (link for link in self._links if link in self)
+
+    def __len__(self) -> int:
+        return sum(1 for _ in self)
+
+    def _measure(self, link: ElementTree.Element) -> Extent | None:
+        corners, hulls, solids = list[np.ndarray](), list[float](), list[float]()
+        for kind in ("visual", "collision"):
+            points, held, closed = list[np.ndarray](), 0.0, True
+            for shape in link.findall(kind):
+                placed = _shape(shape, self._urdf, self._folders, self.unread)
                 if placed is None:
                     closed = False
                     continue
                 body, scale = placed
-                origin = place_of(shape.origin)
+                place = place_of(shape.find("origin"))
                 with np.errstate(all="ignore"):
                     box, around = (
-                        scale * part @ origin[:3, :3].T + origin[:3, 3]
+                        scale * part @ place[:3, :3].T + place[:3, 3]
                         for part in (body.corners, body.points)
                     )
                 if impossible(box, LARGEST).any():
-                    unread[f"a shape of {link.name}"] = "its sizes or positions are implausible"
+                    name = link.attrib["name"]
+                    self.unread[f"a shape of {name}"] = "its sizes or positions are implausible"
                     closed = False
                     continue
                 corners.append(box)
@@ -97,11 +117,10 @@ def link_extents(
                 closed &= body.solid > 0.0
             hulls.append(_volume(points))
             solids.append(held if closed else 0.0)
-        if corners:
-            ends = np.concatenate(corners)
-            solid = next((held for held in solids if held), 0.0)
-            extents[link.name] = Extent(ends.min(axis=0), ends.max(axis=0), max(hulls), solid)
-    return extents, unread
+        if not corners:
+            return None
+        ends = np.concatenate(corners)
+        return Extent(ends.min(axis=0), ends.max(axis=0), max(hulls), (solids[0], solids[1]))
 
 
 @dataclass(frozen=True)
@@ -114,26 +133,26 @@ class _Shape:
 
 
 def _shape(
-    shape: Any, urdf: Path, folders: Sequence[Path], unread: dict[str, str]
+    shape: ElementTree.Element, urdf: Path, folders: Sequence[Path], unread: dict[str, str]
 ) -> tuple[_Shape, np.ndarray] | None:
     """A shape before its scale, and the scale (3,)."""
-    geometry, mesh = shape.geometry, shape.geometry.mesh
-    if geometry.box is not None:
-        return _Shape(_CORNERS, _CORNERS), np.asarray(geometry.box.size, dtype=float)
-    if mesh is None:
-        body = geometry.sphere or geometry.cylinder
-        across = 2.0 * body.radius
-        height = across if geometry.sphere else body.length
-        ring = _BALL if geometry.sphere else _ROUND
-        return _Shape(_CORNERS, ring), np.array([across, across, height], dtype=float)
-    path = mesh_file(mesh.filename, urdf, folders)
+    (body,) = shape.findall("geometry/*")[:1]
+    if body.tag == "box":
+        return _Shape(_CORNERS, _CORNERS), np.array(numbers(body, "size"))
+    if body.tag != "mesh":
+        across = 2.0 * float(body.attrib["radius"])
+        height = float(body.get("length", across))
+        ring = _BALL if body.tag == "sphere" else _ROUND
+        return _Shape(_CORNERS, ring), np.array([across, across, height])
+    name = body.get("filename", "")
+    path = mesh_file(name, urdf, folders)
     if path is None:
         return None  # said where the robot is read
     read = _mesh(path)
     if isinstance(read, str):
-        unread[str(mesh.filename)] = read
+        unread[name] = read
         return None
-    return read, np.ones(3) if mesh.scale is None else np.ones(3) * mesh.scale
+    return read, np.array(numbers(body, "scale") or [1.0] * 3)
 
 
 def _volume(points: Sequence[np.ndarray]) -> float:
@@ -146,9 +165,17 @@ def _volume(points: Sequence[np.ndarray]) -> float:
         return 0.0
 
 
-def place_of(origin: np.ndarray | None) -> np.ndarray:
+def place_of(origin: ElementTree.Element | None) -> np.ndarray:
     """Return an <origin> as a matrix (4, 4), without one the identity."""
-    return np.eye(4) if origin is None else origin
+    xyz, rpy = (np.array(numbers(origin, key) or [0.0] * 3) for key in ("xyz", "rpy"))
+    place = np.eye(4)
+    place[:3, :3], place[:3, 3] = pin.rpy.rpyToMatrix(rpy), xyz
+    return place
+
+
+def numbers(element: ElementTree.Element | None, key: str) -> list[float]:
+    """Return the numbers of an attribute; none where it is missing."""
+    return [] if element is None else [float(x) for x in element.get(key, "").split()]
 
 
 @lru_cache(maxsize=512)

@@ -7,9 +7,16 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from pinfric.checking.findings import Finding, Severity, error, note, warning
-from pinfric.checking.robot import BEYOND, SHAPE_OVER_REACH, LinkFacts, RobotFacts
-from pinfric.checking.robot_masses import WHOLE, mass_findings
+from pinfric.checking.findings import Finding, Severity, note, warning
+from pinfric.checking.robot import (
+    BEYOND,
+    COM_OVER_LENGTH,
+    GYRATION_OVER_LENGTH,
+    SHAPE_OVER_LENGTH,
+    LinkFacts,
+    RobotFacts,
+)
+from pinfric.checking.robot_masses import WHOLE, doubted, mass_findings
 from pinfric.model.mistaken_units import INERTIAS, LENGTHS, MASSES, Unit, in_unit, likely_unit
 from pinfric.model.total_mass import doubted_reach
 from pinfric.model.urdf import implausible_body
@@ -36,9 +43,12 @@ _DENSEST, _LIGHTEST = 20000.0, 5.0
 _SHARE, _MAIN = 0.05, 0.5
 
 
-def link_findings(facts: RobotFacts) -> Iterator[Finding]:
-    """Yield findings on the whole robot, then link by link."""
-    whole = list(_whole_robot(facts))
+def link_findings(facts: RobotFacts, meshes: bool = True) -> Iterator[Finding]:
+    """Yield findings on the whole robot, then link by link.
+
+    Without `meshes` only of links that have no shapes, or may have an error.
+    """
+    whole = list(_whole_robot(facts, meshes))
     yield from whole
     if fixed := facts.fixed_mass:
         first, *others = fixed
@@ -49,8 +59,6 @@ def link_findings(facts: RobotFacts) -> Iterator[Finding]:
             f"{sum(fixed.values()):.3g} kg never move (link {first}{more})",
             "fixed to the ground, they load no joint",
         )
-    # of a shape the density says more, see `_density`
-    yield from outweighing({f"link {x.name}": x.mass for x in facts.links if not x.has_shapes})
     if any(finding.kind == "lengths" for finding in whole):
         return  # every link's size would be judged by the wrong length
     said = any(finding.kind in WHOLE for finding in whole)
@@ -58,35 +66,29 @@ def link_findings(facts: RobotFacts) -> Iterator[Finding]:
     for link in facts.links:
         if problem := implausible_body(link.mass, link.inertia):
             yield warning("impossible inertia", f"link {link.name}", problem, "", excess=3.0)
+        if not (meshes or link.suspect or link.name not in facts.drawn):
+            continue
         if link.has_shapes and (finding := _shape(link, facts)):
             yield finding
-        elif link.mass > 0 and (link.has_shapes or facts.reach > 0):
+        elif link.mass > 0 and (link.has_shapes or facts.length > 0):
             findings = [_com(link), _large_inertia(link, unit), _small_inertia(link)]
             findings += [_density(link)] if link.has_shapes and not said else []
             yield from (finding for finding in findings if finding is not None)
 
 
-def _whole_robot(facts: RobotFacts) -> Iterator[Finding]:
-    reach = facts.reach
-    if doubt := doubted_reach(reach):
-        yield error(
-            "lengths",
-            "robot",
-            doubt.found,
-            doubt.why,
-            doubt.if_unit,
-            doubt.excess,
-        )
-    elif 0.0 < reach < _NEAREST:
+def _whole_robot(facts: RobotFacts, meshes: bool) -> Iterator[Finding]:
+    if doubt := doubted_reach(facts.reach):
+        yield doubted("lengths", doubt)
+    elif 0.0 < facts.length < _NEAREST:
         yield warning(
             "lengths",
             "robot",
-            f"its joints reach {reach:.3g} m",
+            f"it is {facts.length:.3g} m long, along its joints",
             "so small a robot is rare; are all lengths 1000 times too small?",
-            excess=_NEAREST / reach,
+            excess=_NEAREST / facts.length,
         )
     if doubt is None:
-        yield from mass_findings(facts)
+        yield from mass_findings(facts, meshes)
 
 
 def outweighing(masses: Mapping[str, float]) -> Iterator[Finding]:
@@ -111,18 +113,18 @@ def outweighing(masses: Mapping[str, float]) -> Iterator[Finding]:
 
 def _shape(link: LinkFacts, facts: RobotFacts) -> Finding | None:
     """A mesh in millimetres, as CAD systems export them."""
-    size, reach = link.extent.diagonal, facts.reach
-    if reach <= 0 or not facts.oversized(link.extent):
+    size, length = link.extent.diagonal, facts.length
+    if length <= 0 or not facts.oversized(link.extent):
         return None
-    unit = likely_unit(LENGTHS, lambda factor: factor * size < 3.0 * reach)
+    unit = likely_unit(LENGTHS, lambda factor: factor * size < 3.0 * length)
     hint = f"in {unit.name} (scale {unit.size:g}) {unit.size * size:.3g} m" if unit else ""
     return warning(
         "shape",
         f"link {link.name}",
         f"its shapes are {size:.3g} m large",
-        f"the whole robot reaches {reach:.3g} m",
+        f"the whole robot is {length:.3g} m long",
         hint,
-        size / (SHAPE_OVER_REACH * reach),
+        size / (SHAPE_OVER_LENGTH * length),
     )
 
 
@@ -132,14 +134,15 @@ def _com(link: LinkFacts) -> Finding | None:
     if outside <= allowed or link.mass_share < _SHARE:
         return None
     unit = likely_unit(LENGTHS, lambda size: box.distance(size * link.com) <= 0.1 * allowed)
-    unit = unit if outside > 3.0 * box.diagonal else None
     away = float(np.linalg.norm(link.com))
+    if outside <= 3.0 * box.diagonal or away <= COM_OVER_LENGTH * link.robot.length:
+        unit = None
     where = f"{away:.3g} m from the link's origin" if away else "at the link's origin"
     where += "" if link.com_given else ", as no <origin> is given"
     size = (
         f"its shapes are {box.diagonal:.3g} m large"
         if link.has_shapes
-        else (f"{box.high[0]:.3g} m are {BEYOND:g} times the robot's reach")
+        else (f"{box.high[0]:.3g} m are {BEYOND:g} times the robot's length")
     )
     return Finding(
         Severity.ERROR if unit else Severity.WARNING,
@@ -157,7 +160,7 @@ def _inertia_unit(facts: RobotFacts) -> Unit:
     ratios = [
         radius / link.extent.diagonal
         for link in facts.links
-        if link.has_shapes and link.mass > 0
+        if link.mass > 0 and link.radius > GYRATION_OVER_LENGTH * facts.length and link.has_shapes
         for _, radius, farthest in [_gyration(link)]
         if radius > _FAR_TOO_WIDE * farthest
     ]
@@ -176,6 +179,7 @@ def _large_inertia(link: LinkFacts, common: Unit) -> Finding | None:
     if radius <= _WIDE * farthest or link.inertia_share < _SHARE:
         return None
     far = link.has_shapes and radius > _FAR_TOO_WIDE * farthest
+    far = far and radius > GYRATION_OVER_LENGTH * link.robot.length
     unit = common if far and _is_usual(radius / link.extent.diagonal, common) else None
     return Finding(
         Severity.ERROR if unit else Severity.WARNING,
@@ -204,15 +208,14 @@ def _small_inertia(link: LinkFacts) -> Finding | None:
 
 def _gyration(link: LinkFacts) -> tuple[float, float, float]:
     """Largest moment (kg m^2), its radius of gyration, and the link's extent (m)."""
-    moment = max(float(np.linalg.eigvalsh(link.inertia)[2]), 0.0)
     inside = np.clip(link.com, link.extent.low, link.extent.high)
-    return moment, math.sqrt(moment / link.mass), link.extent.farthest(inside)
+    return link.mass * link.radius**2, link.radius, link.extent.farthest(inside)
 
 
 def _extends(link: LinkFacts, farthest: float) -> str:
     if link.has_shapes:
         return f"its shapes end {farthest:.3g} m from there"
-    return f"the robot reaches {link.extent.high[0] / BEYOND:.3g} m"
+    return f"the robot is {link.robot.length:.3g} m long"
 
 
 def _density(link: LinkFacts) -> Finding | None:

@@ -16,7 +16,7 @@ import pinocchio as pin
 from pinfric.checking.findings import Finding, Severity, error, note, warning
 from pinfric.checking.joint_loads import held_out_level
 from pinfric.checking.robot import LinkFacts, RobotFacts
-from pinfric.model.total_mass import doubted_total, shown_density
+from pinfric.model.total_mass import MassDoubt, doubted_total, is_usual, shown_density
 
 #: The links whose shapes are measured hold at least so much of the mass that moves.
 _SHAPED = 0.7
@@ -31,52 +31,62 @@ _ISOTROPIC, _HELD, _SAME = 3, 0.5, 1e-6
 WHOLE = ("no mass", "masses", "equal masses")
 
 
-def mass_findings(facts: RobotFacts) -> Iterator[Finding]:
-    """Yield at most one finding of each kind on all masses of a robot."""
+#: Of a robot without any mass.
+NO_MASS = error(
+    "no mass",
+    "robot",
+    "nothing in this robot has mass",
+    "its efforts are those of friction alone, and no drive can be sized",
+    excess=1e6,
+)
+
+
+def mass_findings(facts: RobotFacts, meshes: bool = True) -> Iterator[Finding]:
+    """Yield at most one finding of each kind on all masses of a robot; see `link_findings`."""
     if not any(facts.masses.values()):
-        yield error(
-            "no mass",
-            "robot",
-            "nothing in this robot has mass",
-            "its efforts are those of friction alone, and no drive can be sized",
-            excess=1e6,
-        )
+        yield NO_MASS
         return
-    yield from _by_size(facts)
+    if doubt := _by_size(facts, meshes):
+        yield doubted("masses", doubt)
     yield from _equal_masses(facts)
-    yield from _one_density(facts)
+    if meshes:
+        yield from _one_density(facts)
     yield from _equal_inertias(facts.links)
 
 
 def believed_weight(facts: RobotFacts, model: pin.Model) -> float | None:
     """Return the torque (N m) that holds the robot level; None: its masses are doubtful."""
     total = sum(facts.masses.values())
-    if total == 0.0 or any(_by_size(facts)):
+    if total == 0.0 or _by_size(facts):
         return None
-    return held_out_level(total, facts.way, model)
+    return held_out_level(total, facts.reach, model)
 
 
-def _by_size(facts: RobotFacts) -> Iterator[Finding]:
-    """By the way along the joints, and by the shapes' convex hulls."""
+def doubted(kind: str, doubt: MassDoubt) -> Finding:
+    """Return a doubt of a whole robot as a finding; drives of a robot too light are not signed."""
+    severity = Severity.ERROR if doubt.impossible else Severity.WARNING
+    said = doubt.found, doubt.why, doubt.if_unit, doubt.excess
+    return Finding(severity, kind, "robot", *said, unsigned=doubt.light)
+
+
+def _by_size(facts: RobotFacts, meshes: bool = True) -> MassDoubt | None:
+    """By the way along the joints, and by the shapes' convex hulls.
+
+    Without meshes: only where the way leaves the mass open.
+    """
     moving = sum(link.mass for link in facts.links)
+    total = moving + sum(facts.fixed_mass.values())
+    given = moving, total, facts.reach, facts.moving_joints
+    if not meshes and is_usual(*given):
+        return doubted_total(*given)
     shaped = [
         link
         for link in facts.links
         if link.has_shapes and link.extent.hull > 0 and not facts.oversized(link.extent)
     ]
     held, hulls = sum(x.mass for x in shaped), sum(x.extent.hull for x in shaped)
-    doubt = doubted_total(
-        moving,
-        moving + sum(facts.fixed_mass.values()),
-        facts.way,
-        sum(joint.type != "fixed" for joint in facts.document.joints),
-        held / hulls if hulls and held >= _SHAPED * moving > 0 else None,
-    )
-    if doubt is not None:
-        severity = Severity.ERROR if doubt.impossible else Severity.WARNING
-        yield Finding(
-            severity, "masses", "robot", doubt.found, doubt.why, doubt.if_unit, doubt.excess
-        )
+    density = held / hulls if hulls and held >= _SHAPED * moving > 0 else None
+    return doubted_total(*given, density)
 
 
 def _equal_masses(facts: RobotFacts) -> Iterator[Finding]:
@@ -99,18 +109,21 @@ def _equal_masses(facts: RobotFacts) -> Iterator[Finding]:
 
 
 def _one_density(facts: RobotFacts) -> Iterator[Finding]:
-    parts: list[tuple[float, float]] = []  # volume, density
-    for link in facts.links:
-        solid = link.extent.solid if link.has_shapes else 0.0
-        if solid and link.mass > 0 and all(abs(v - solid) > _COPY * solid for v, _ in parts):
-            parts.append((solid, link.mass / solid))
-    if len(parts) < _PARTS:
-        return
-    densities = np.array([density for _, density in parts])
-    near = np.abs(densities[:, None] / densities - 1.0) <= _NEAR
-    most = int(near.sum(axis=0).argmax())
-    count = int(near[:, most].sum())
-    if count >= _ONE_DENSITY * len(parts):
+    """Of the visuals of all links, or of their collision shapes: a drawing is one of them."""
+    for kind in (0, 1):
+        parts: list[tuple[float, float]] = []  # volume, density
+        for link in facts.links:
+            solid = link.extent.solids[kind] if link.has_shapes else 0.0
+            if solid and link.mass > 0 and all(abs(v - solid) > _COPY * solid for v, _ in parts):
+                parts.append((solid, link.mass / solid))
+        if len(parts) < _PARTS:
+            continue
+        densities = np.array([density for _, density in parts])
+        near = np.abs(densities[:, None] / densities - 1.0) <= _NEAR
+        most = int(near.sum(axis=0).argmax())
+        count = int(near[:, most].sum())
+        if count < _ONE_DENSITY * len(parts):
+            continue
         density = shown_density(float(np.median(densities[near[:, most]])))
         each = "all links have" if count == len(parts) else f"{count} of {len(parts)} links have"
         yield note(
@@ -121,6 +134,7 @@ def _one_density(facts: RobotFacts) -> Iterator[Finding]:
             "times as much",
             excess=count / len(parts),
         )
+        return
 
 
 def _equal_inertias(links: Sequence[LinkFacts]) -> Iterator[Finding]:

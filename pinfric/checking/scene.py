@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping
 
 import numpy as np
 import pinocchio as pin
 
 from pinfric.checking.findings import Finding, note, warning
-from pinfric.checking.links import outweighing
 from pinfric.checking.robot import BEYOND, RobotFacts
 from pinfric.elastic.motion import unloaded_frequency
 from pinfric.errors import PinfricError
-from pinfric.model.entry import USUALLY
+from pinfric.model.entry import USUALLY, place, questions_below
 from pinfric.model.friction_terms import CoulombFriction
 from pinfric.model.hysteresis import excessive_friction
 from pinfric.model.massless import massless_joints
@@ -25,7 +24,7 @@ from pinfric.model.mistaken_units import (
     in_unit,
     likely_unit,
 )
-from pinfric.model.robot import link_frame, payload_inertia, plausible_distance, reach_of
+from pinfric.model.robot import length_of, link_frame, payload_inertia, plausible_distance
 from pinfric.model.scene import Scene, Site
 from pinfric.model.transmission import Transmission
 from pinfric.motions.joint_columns import stated_limit
@@ -39,32 +38,38 @@ _ROLLING, _PLAIN = 0.03, 1.0
 _PAYLOAD = 2.0
 #: A rotor's inertia at its joint over the largest inertia that any joint moves.
 _ROTOR = 30.0
-#: What is said of bodies whose mass is missing.
+#: What is said of joints that move no mass.
 _NO_MASS = "friction there has no load, and no drive is sized; give the links an <inertial>"
-_MASSLESS, _NO_INERTIAL = "has shapes and no mass", "efforts are too small; give it an <inertial>"
 #: Hz between which the lowest natural frequencies of robots lie.
 _FREQUENCIES = 3.0, 200.0
 
 
 def scene_findings(
-    scene: Scene, facts: RobotFacts | None, said: Sequence[str]
+    scene: Scene, facts: RobotFacts | None, meshes: bool = True
 ) -> Iterator[Finding]:
     """Yield findings on a scene without its robot.
 
-    `facts`: its URDF, if it has one. `said`: what loading warned of.
+    `facts`: its URDF, if it has one. Without `meshes` also what takes long to compute is left out.
     """
     findings: list[Finding] = []
     for site in scene.sites:
-        findings += [*_bearing(site, facts), *_coefficients(site, scene)]
-    findings += [*payload_findings(scene), *_held(scene), *_positions(scene, facts)]
-    findings += [*_drives(scene), *_elastic_gears(scene)]
+        findings += [*(_bearing(site, facts) if meshes else ()), *_coefficients(site, scene)]
+    findings += [*payload_findings(scene), *_positions(scene, facts), *_drives(scene)]
+    findings += [*_held(scene), *_elastic_gears(scene)] if meshes else ()
     yield from findings
+    # The schema's own questions, but of places that are known already
     places = {finding.place for finding in findings}
-    for text in said:
-        if USUALLY in text:  # the schema's own questions: "FILE: KEY = VALUE: usually ..."
-            place, _, rest = text.removeprefix(f"{scene.source}: ").partition(" = ")
-            if place not in places:
-                yield warning("question", place, rest, "")
+    entries = {
+        "friction": scene.friction,
+        "robot.payloads": scene.payloads,
+        "actuators": scene.actuators or (),
+    }
+    for section, below in entries.items():
+        listed = dict(below) if isinstance(below, Mapping) else below
+        for path, text in questions_below(listed, (section,)):
+            key, sign, rest = text.partition(" = ")
+            if sign and USUALLY in rest and (asked := f"{place(path)}.{key}") not in places:
+                yield warning("question", asked, rest, "")
 
 
 def _bearing(site: Site, facts: RobotFacts | None) -> Iterator[Finding]:
@@ -72,10 +77,10 @@ def _bearing(site: Site, facts: RobotFacts | None) -> Iterator[Finding]:
     bearing = site.friction.bearing
     if bearing is None or facts is None or site.pair >= 0:
         return
-    joint = next(j for j in facts.document.joints if j.name == site.name)
+    joint = next(j for j in facts.joints if j.name == site.name)
     links = {*facts.fixed_to(joint.parent), *facts.fixed_to(joint.child)}
     sizes = [facts.extents[link].diagonal for link in links if link in facts.extents]
-    largest = max(sizes, default=2.0 * BEYOND * facts.reach)
+    largest = max(sizes, default=2.0 * BEYOND * facts.length)
     for key in bearing.sizes:
         value = getattr(bearing, key)
         most = _BEARING_OVER_LINK * largest * (0.5 if "radius" in key else 1.0)
@@ -151,36 +156,6 @@ def _limits_of(site: Site, scene: Scene) -> tuple[float, float]:
     return effort if 0 < effort < 1e300 else math.inf, speed if 0 < speed < 1e300 else math.inf
 
 
-def load_findings(scene: Scene) -> Iterator[Finding]:
-    """Yield what makes efforts wrong by a multiple: payloads, bodies far too heavy or without mass.
-
-    It reads no mesh and is quick: every computation can begin with it.
-    """
-    yield from payload_findings(scene)
-    model = scene.model
-    inertias = zip(scene.joint_names, tuple(model.inertias)[1:], strict=True)
-    yield from outweighing({f"what joint {name} moves": body.mass for name, body in inertias})
-    root = None if scene.robot is None else scene.robot.xml()
-    links = {} if root is None else {link.get("name"): link for link in root.findall("link")}
-    yield from massless_findings(scene)
-    for j in range(1, model.njoints):
-        moves = any(model.inertias[body].mass for body in model.subtrees[j])
-        if moves and model.inertias[j].mass == 0.0:
-            carried = [
-                frame.name
-                for frame in model.frames
-                if frame.parentJoint == j and frame.type == pin.FrameType.BODY
-            ]
-            shaped = [
-                n
-                for n in carried
-                if n in links and {e.tag for e in links[n]} & {"visual", "collision"}
-            ]
-            for name in shaped[:1]:
-                what = f"link {name}"
-                yield warning("massless link", what, _MASSLESS, _NO_INERTIAL)
-
-
 def massless_findings(scene: Scene) -> Iterator[Finding]:
     """Yield one finding on all joints that move no mass, payloads and rotors included."""
     if names := massless_joints(scene, scene.payloads):
@@ -196,7 +171,7 @@ def massless_findings(scene: Scene) -> Iterator[Finding]:
 def payload_findings(scene: Scene) -> Iterator[Finding]:
     """Yield payloads that are too heavy, far away or wide, or on a link that never moves."""
     moving = sum(inertia.mass for inertia in tuple(scene.model.inertias)[1:])
-    reach, farthest = reach_of(scene.model), plausible_distance(scene.model)
+    length, farthest = length_of(scene.model), plausible_distance(scene.model)
     for name, payload in scene.payloads.items():
         place = f"robot.payloads.{name}"
         frame = scene.model.frames[link_frame(scene.model, payload.link)]
@@ -219,14 +194,14 @@ def payload_findings(scene: Scene) -> Iterator[Finding]:
             )
         away = float(np.linalg.norm(payload.com))
         if away > farthest:
-            unit = likely_unit(LENGTHS, _below(away, 0.5 * reach))
+            unit = likely_unit(LENGTHS, _below(away, 0.5 * length))
             yield warning(
                 "payload",
                 f"{place}.com",
                 f"{away:.3g} m from its link",
-                f"the robot reaches {reach:.3g} m",
+                f"the robot is {length:.3g} m long",
                 in_unit(unit, "m", away),
-                away / reach,
+                away / length,
             )
         moment = float(np.linalg.eigvalsh(payload_inertia(payload).inertia)[2])
         radius = math.sqrt(max(moment, 0.0) / payload.mass)
@@ -235,8 +210,8 @@ def payload_findings(scene: Scene) -> Iterator[Finding]:
                 "payload",
                 f"{place}.inertia",
                 f"{moment:.3g} kg m^2 for {payload.mass:g} kg",
-                f"radius of gyration {radius:.3g} m; the robot reaches {reach:.3g} m",
-                excess=radius / reach,
+                f"radius of gyration {radius:.3g} m; the robot is {length:.3g} m long",
+                excess=radius / length,
             )
 
 
@@ -269,13 +244,13 @@ def _positions(scene: Scene, facts: RobotFacts | None) -> Iterator[Finding]:
         return
     start = scene.simulation.start.q if scene.simulation is not None else {}
     locked = {} if scene.robot is None else scene.robot.locked
-    joints = {joint.name: joint for joint in facts.document.joints}
+    joints = {joint.name: joint for joint in facts.joints}
     for section, positions in (("robot.locked", locked), ("simulation.start.q", start)):
         for name, position in positions.items():
             joint = joints.get(name)
             if joint is None or joint.type == "continuous" or joint.limit is None:
                 continue
-            low, high = joint.limit.lower or 0.0, joint.limit.upper or 0.0
+            low, high = joint.stated("lower"), joint.stated("upper")
             if low == high == 0.0 or low - 1e-6 <= position <= high + 1e-6:
                 continue
             sliding = joint.type == "prismatic"

@@ -220,7 +220,7 @@ def parse(
     except ValidationError as found:
         problems = [_problem(problem, entry, content, at) for problem in found.errors()]
         raise error(problems_line(where, problems)) from None
-    for path, text in _questions(parsed, at):
+    for path, text in questions_below(parsed, at):
         warnings.warn(
             f"{where}: {place(path)}{'.' * bool(path)}{text}", PinfricWarning, stacklevel=2
         )
@@ -339,8 +339,10 @@ def unlikely(
         yield f"{key} = {number}: {USUALLY} {usual}; {hint or 'check the unit'}"
 
 
-def _questions(node: Any, at: tuple[int | str, ...]) -> Iterator[tuple[tuple[int | str, ...], str]]:
-    """Plausibility warnings of the entries at and below a place, each with its place."""
+def questions_below(
+    node: Any, at: tuple[int | str, ...]
+) -> Iterator[tuple[tuple[int | str, ...], str]]:
+    """Yield the plausibility warnings of the entries at and below a place, each with its place."""
     if isinstance(node, Entry):
         yield from ((at, text) for text in node.questions())
     parts: Iterable[tuple[Any, Any]] = enumerate(node) if isinstance(node, list | tuple) else ()
@@ -348,4 +350,4 @@ def _questions(node: Any, at: tuple[int | str, ...]) -> Iterator[tuple[tuple[int
         parts = node.items() if isinstance(node, dict) else vars(node).items()
     for name, value in parts:
         if isinstance(value, BaseModel | dict | list | tuple):
-            yield from _questions(value, (*at, name))
+            yield from questions_below(value, (*at, name))

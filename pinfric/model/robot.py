@@ -352,12 +352,12 @@ def inertia_matrix(payload: Payload) -> np.ndarray:
     return np.array([[ixx, ixy, ixz], [ixy, iyy, iyz], [ixz, iyz, izz]])
 
 
-#: No payload is so many times as far from its link as the robot reaches, or at least so far (m).
-#: (The reach ends at the last frame; what is beyond may be longer than all before it.)
+#: No payload is so many times as far from its link as the robot is long, or at least so far (m).
+#: (The length ends at the last frame; what is beyond may be longer than all before it.)
 _BEYOND, _LEAST_BEYOND = 3.0, 0.3
 
 
-def reach_of(model: pin.Model) -> float:
+def length_of(model: pin.Model) -> float:
     """Return the longest way from the root along the origins of joints and links (m)."""
     far = np.zeros(model.njoints)
     for j in range(1, model.njoints):
@@ -368,8 +368,8 @@ def reach_of(model: pin.Model) -> float:
 
 def plausible_distance(model: pin.Model) -> float:
     """Return how far from its link a payload may be (m); infinite if the robot has no length."""
-    reach = reach_of(model)
-    return max(_BEYOND * reach, _LEAST_BEYOND) if reach > 0.0 else np.inf
+    length = length_of(model)
+    return max(_BEYOND * length, _LEAST_BEYOND) if length > 0.0 else np.inf
 
 
 def link_frame(model: pin.Model, link: str) -> int:

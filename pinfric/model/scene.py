@@ -60,11 +60,11 @@ from pinfric.model.schema import (
 from pinfric.model.spring_entries import LineSpring, Spring, SpringList
 from pinfric.model.spring_forces import make_springs
 from pinfric.model.twin import PRISMATIC, Twin, make_twin
-from pinfric.model.upward import make_solver
+from pinfric.model.upward import find, make_solver
 from pinfric.model.urdf import implausible_body
 
 if TYPE_CHECKING:
-    from pinfric.model.upward import Solver
+    from pinfric.model.upward import Finding, Solver
 
 #: m/s^2; ten times that of the largest planet, above which it is in mm/s^2.
 _LARGEST_GRAVITY = 250.0
@@ -156,6 +156,7 @@ class Scene:
         tool: link whose frame is the tool's, for its position error due to elastic gears.
         masses: "with_drives" or "without_drives": whether the links' masses hold the drives; or by
             drive, and for `others`; None: not known.
+        masses_confirmed: whether its owner confirms the robot's mass where it is doubted.
         assumed: which entries are guesses.
         measured: where its friction was measured; other friction in `with_` drops it.
         stops: input of `pinfric stop`.
@@ -186,6 +187,7 @@ class Scene:
     loop_tolerance: LoopTolerance = field(default_factory=LoopTolerance)
     tool: str | None = None
     masses: str | Mapping[str, str] | None = None
+    masses_confirmed: bool = False
     assumed: Assumed | None = None
     measured: Measured | None = None
     stops: Stops | None = None
@@ -427,6 +429,8 @@ class Scene:
         }
         variant = object.__new__(type(self))
         variant.__dict__.update(self.__dict__ | changed)
+        for found in ("findings", "quick_findings"):
+            variant.__dict__.pop(found, None)
         return variant
 
     def solver(self, attached: Iterable[str] | None = None) -> Solver:
@@ -702,6 +706,16 @@ class Scene:
                 raise SceneError(f"{where}: there is no drive {name!r}; {choose_from(name, known)}")
             if word not in words and self.masses is not None:
                 raise SceneError(f"{where}: should be {' or '.join(words)}, found {word!r}")
+
+    @cached_property
+    def findings(self) -> tuple[Finding, ...]:
+        """What is implausible about scene and robot, the most severe first: `pf.check`."""
+        return find(self, meshes=True)
+
+    @cached_property
+    def quick_findings(self) -> tuple[Finding, ...]:
+        """All errors of `findings`, and those others for which no mesh is read."""
+        return vars(self).get("findings") or find(self, meshes=False)
 
     @property
     def masses_hold(self) -> tuple[bool | None, ...]:

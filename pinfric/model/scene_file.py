@@ -93,6 +93,7 @@ def load_scene(path: str | Path) -> Scene:
         tool=entries.tool,
         # a guess may not make drives lighter: `size` asks
         masses=None if "robot.masses" in guesses else entries.robot.masses,
+        masses_confirmed=entries.robot.masses_confirmed,
         assumed=entries.assumed,
         measured=entries.measured,
         stops=entries.stops,

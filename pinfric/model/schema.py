@@ -114,6 +114,11 @@ class RobotEntry(Entry):
         "and `others`; `size` adds the mass of those they do not hold",
         "with_drives",
     )
+    masses_confirmed: bool = key(
+        "whether the robot weighs what the URDF says, where `pinfric check` doubts it",
+        True,
+        default=False,
+    )
 
 
 def _added_term(named: tuple[str, Any] | str) -> FrictionTerm | None:

@@ -1,6 +1,6 @@
 """Whether a robot weighs what robots of its size weigh, with the unit that would explain it.
 
-Moving mass over L^3, with L the way along its joints, is 3.2 kg/m^3 and more in the 258 of 484
+Moving mass over L^3, with L its reach along the joints, is 3.2 kg/m^3 and more in the 258 of 484
 public URDFs whose masses are right.
 """
 
@@ -54,17 +54,16 @@ class MassDoubt:
 
 
 def doubted_mass(model: pin.Model) -> MassDoubt | None:
-    """Return why a robot's mass as a whole is doubted; None: it is not."""
+    """Return why the mass of a robot without a URDF is doubted as a whole; None: it is not."""
     masses = [body.mass for body in model.inertias]
-    moving, way = float(sum(masses[1:])), way_along_joints(model)
-    total = moving + masses[0]
-    return doubted_reach(way) or doubted_total(moving, total, way, model.njoints - 1)
+    moving = float(sum(masses[1:]))
+    return doubted_total(moving, moving + masses[0], reach_of(model), model.njoints - 1)
 
 
 def doubted_reach(reach: float) -> MassDoubt | None:
     """Return why lengths, and so all masses, are doubted; None: they are not.
 
-    `reach` is in m along the joints.
+    `reach`: m, see `reach_of`.
     """
     if reach <= _FARTHEST:
         return None
@@ -74,25 +73,34 @@ def doubted_reach(reach: float) -> MassDoubt | None:
     return MassDoubt(what, why, mistaken, reach / _FARTHEST, light=False, impossible=True)
 
 
+def is_usual(moving: float, total: float, reach: float, joints: int) -> bool:
+    """Return whether a mass is that of a usual robot of such a reach; arguments as below.
+
+    Shapes beside which it is impossible are then in another unit themselves: they only doubt it.
+    """
+    least, most = (each * reach**3 for each in _USUAL_WAY)
+    return joints >= _JOINTS and reach >= _WAY and least <= moving <= total <= most
+
+
 def doubted_total(
-    moving: float, total: float, way: float, joints: int, density: float | None = None
+    moving: float, total: float, reach: float, joints: int, density: float | None = None
 ) -> MassDoubt | None:
     """Return why a mass is doubted, beside the way along the joints and the volume of the shapes.
 
     Args:
         moving, total: kg; the second with what stands on the ground.
-        way: m, see `way_along_joints`.
+        reach: m, see `reach_of`.
         joints: how many move.
         density: over the convex hulls of the shapes, kg/m^3; None: not known.
     """
-    cube, said, excess, light = max(way, 1e-3) ** 3, list[str](), 1.0, False
-    if 0 < moving < _LIGHT * cube and joints >= _JOINTS and way >= _WAY:
-        what, light = f"{moving:.3g} kg move on {way:.3g} m of joints", True
+    cube, said, excess, light = max(reach, 1e-3) ** 3, list[str](), 1.0, False
+    if 0 < moving < _LIGHT * cube and joints >= _JOINTS and reach >= _WAY:
+        what, light = f"{moving:.3g} kg move on {reach:.3g} m of joints", True
         each = shown_density(moving / cube)
         said.append(f"{each} kg/m^3 of that length cubed; the lightest arms have 3.2")
         excess = _LIGHT / (moving / cube)
-    elif way >= _WAY and total > _HEAVY * cube * (1.0 if way >= _HEAVY_WAY else _FAR):
-        what = f"{total:.4g} kg on {way:.3g} m of joints"
+    elif reach >= _WAY and total > _HEAVY * cube * (1.0 if reach >= _HEAVY_WAY else _FAR):
+        what = f"{total:.4g} kg on {reach:.3g} m of joints"
         each = shown_density(total / cube)
         said.append(f"{each} kg/m^3 of that length cubed; robots have up to 300")
         excess = total / cube / _HEAVY
@@ -101,11 +109,13 @@ def doubted_total(
     if density is not None and not THIN <= density <= DENSE:
         said.append(f"its shapes have {shown_density(density)} kg/m^3 (arms: 380 to 2600)")
         excess = max(excess, THIN / density, density / DENSE)
+        if is_usual(moving, total, reach, joints):
+            excess = min(excess, _FAR)
     if not said:
         return None
 
     def explains(size: float) -> bool:
-        by_way = way < _HEAVY_WAY or _USUAL_WAY[0] <= size * moving / cube <= _USUAL_WAY[1]
+        by_way = reach < _HEAVY_WAY or _USUAL_WAY[0] <= size * moving / cube <= _USUAL_WAY[1]
         by_hull = density is None or _USUAL_HULL[0] <= size * density <= _USUAL_HULL[1]
         return by_way and by_hull
 
@@ -114,8 +124,8 @@ def doubted_total(
     return MassDoubt(what, "; ".join(said), mistaken, excess, light, impossible=excess > _FAR)
 
 
-def way_along_joints(model: pin.Model) -> float:
-    """Return the longest way along the origins of joints, m, after the first that moves.
+def reach_of(model: pin.Model) -> float:
+    """Return a robot's reach: the longest way along its joints' origins after the first to move, m.
 
     Pedestals do not count, links fixed behind the last joint do.
     """

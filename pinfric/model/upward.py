@@ -16,10 +16,11 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
+    from pinfric.checking.findings import Finding
     from pinfric.dynamics.forward.solver import Solver
 
 #: The registered functions by their public names.
-NAMES = ("Solver", "plot", "summary")
+NAMES = ("Solver", "findings_of", "plot", "summary")
 _FUNCTIONS: dict[str, Callable[..., Any]] = {}
 
 
@@ -32,6 +33,12 @@ def make_solver(scene: object, attached: Iterable[str] | None) -> Solver:
     """Return `pf.Solver(scene, attached)`."""
     solver: Solver = _FUNCTIONS["Solver"](scene, attached)
     return solver
+
+
+def find(scene: object, meshes: bool) -> tuple[Finding, ...]:
+    """Return `checking.plausibility.findings_of`."""
+    found: tuple[Finding, ...] = _FUNCTIONS["findings_of"](scene, meshes)
+    return found
 
 
 class Shown:

@@ -6,15 +6,13 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pinfric.checking.findings import CheckReport, Finding, Severity
+from pinfric.checking.findings import CheckReport, Finding, Severity, alike
 from pinfric.model.brief import counted
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
 _STYLES = {Severity.ERROR: "bold red", Severity.WARNING: "yellow", Severity.NOTE: "dim"}
-#: The same finding at more places is one line, with so many of their names.
-_MOST_NAMES = 4
 
 
 def check_report(report: CheckReport) -> list[RenderableType]:
@@ -65,16 +63,9 @@ def finding_list(findings: Iterable[Finding]) -> RenderableType:
     table = Table.grid(padding=(0, 2, 0, 0))
     table.add_column(no_wrap=True)
     table.add_column(overflow="fold")
-    groups: dict[tuple[Severity, str], list[Finding]] = {}
-    for finding in findings:
-        groups.setdefault((finding.severity, finding.kind), []).append(finding)
-    for (severity, _), (first, *same) in groups.items():
-        word = first.place.partition(" ")[0]
-        names = ", ".join(f.place.removeprefix(f"{word} ") for f in same[:_MOST_NAMES])
-        more = f" and {len(same) - _MOST_NAMES} more" if len(same) > _MOST_NAMES else ""
-        also = f"; also {names}{more}" if same else ""
+    for first, also in alike(findings):
         table.add_row(
-            Text(severity.name.lower(), _STYLES[severity]),
+            Text(first.severity.name.lower(), _STYLES[first.severity]),
             Text.assemble((first.place, "bold"), f": {first.text}{also}"),
         )
     return table
