@@ -131,7 +131,7 @@ if TYPE_CHECKING:  # the same names for type checkers, which do not run __getatt
 
 def __getattr__(name: str) -> Any:
     if name in _PUBLIC:
-        value = getattr(import_module(_PUBLIC[name]), name)
+        value = _load(name)
         globals()[name] = value  # later accesses skip this function, which takes 3 us
         return value
     from pinfric.errors import removed
@@ -144,10 +144,13 @@ def __getattr__(name: str) -> Any:
 _INTERNAL = {"findings_of": "pinfric.checking.plausibility"}
 
 
+def _load(name: str) -> Any:
+    return getattr(import_module((_PUBLIC | _INTERNAL)[name]), name)
+
+
 def _from_below(name: str) -> Any:
     """Return a function that imports a name at its first call and calls it."""
-    module = _INTERNAL.get(name) or _PUBLIC[name]
-    return lambda *given, **named: getattr(import_module(module), name)(*given, **named)
+    return lambda *given, **named: _load(name)(*given, **named)
 
 
 for _name in upward.NAMES:

@@ -36,7 +36,6 @@ from pinfric.terminal import (
     pairs,
     print_line,
     progress,
-    question_loads,
     run,
     say,
     show,
@@ -150,7 +149,6 @@ def inverse(
     """
     names = "efforts.csv", "efforts.png", "measured.png", "tool.png", "summary.json"
     scene, trajectory = load(scene_name, trajectory_name, log, out, names)
-    question_loads(scene)
     from pinfric.dynamics.inverse.inverse import inverse_dynamics
     from pinfric.elastic.motion import elasticity
     from pinfric.motions.log.judged import judge_log
@@ -177,7 +175,7 @@ def inverse(
         files["tool.png"] = lambda path: tool_figure(elastic, name).savefig(path)
     report = partial(inverse_report, result, summary, judged, run.verbose)
     said = partial(verdict, result, summary)
-    answer("inverse", summary, report, as_json, out, files, verdict=said, scene=scene.source)
+    answer("inverse", summary, report, as_json, out, files, verdict=said, scene=scene, judged=True)
 
 
 @app.command()
@@ -214,7 +212,7 @@ def simulate(
         "motion.png": lambda path: motion_figure(motion).savefig(path),
     }
     report = partial(motion_report, motion, summary)
-    answer("simulate", summary, report, as_json, out, files, scene=scene.source)
+    answer("simulate", summary, report, as_json, out, files, scene=scene)
     if motion.status == "interrupted":
         raise typer.Exit(INTERRUPTED)
 
@@ -297,13 +295,12 @@ def size(
     by_scene = _cycles(trajectory_name, cycle, rating is not None)
     names = "sizing.json", "report.html", *CHOSEN
     others = [*by_scene, *(file for own in by_scene.values() for file, _ in own), catalog]
-    scene, _ = load(scene_name, out=out, names=names, later=others)
+    scene, _ = load(scene_name, out=out, names=names, later=others, remarked=True)
 
     def motions(scene: Any, cycles: list[tuple[str, float]]) -> tuple[tuple[Any, float], ...]:
         return tuple((load_motion_of(scene, file, log), share) for file, share in cycles)
 
     weighed = motions(scene, by_scene.pop(""))
-    question_loads(scene)
     from pinfric.drives.duty import Duty
     from pinfric.model.csv_text import number_of
     from pinfric.show.pages.sizing import sizing_page
@@ -350,7 +347,8 @@ def size(
         files,
         verdict=partial(verdict, report),
         name="sizing.json",
-        scene=report.given.source,
+        scene=report.given,
+        judged=True,
         outdated=("report.html", *CHOSEN),
     )
     report.check()  # what does not fit is the last line, and the exit code (2)
@@ -438,6 +436,7 @@ def stop(
     """
     names = "report.html", "stop.png", "summary.json"
     scene, trajectory = load(scene_name, trajectory_name, log, out, names)
+    from pinfric.checking.findings import errors
     from pinfric.show.figure.stop import stop_figure
     from pinfric.show.pages.stop import stop_page
     from pinfric.show.report.stop import stop_report, verdict
@@ -452,8 +451,10 @@ def stop(
     }
     tables = partial(stop_report, scene.source, summary, run.verbose, out is not None)
     said = partial(verdict, summary)
-    answer("stop", summary, tables, as_json, out, files, verdict=said, scene=scene.source)
+    answer("stop", summary, tables, as_json, out, files, verdict=said, scene=scene)
     result.check()  # what is not met is the last line, and the exit code (2)
+    if wrong := errors(scene.quick_findings):
+        raise PinfricError("; ".join(wrong))
 
 
 @app.command(short_help="Find the fastest motion along a path for given drives.")
@@ -495,7 +496,7 @@ def retime(
     }
     report = partial(retime_report, result, summary, run.verbose, out is not None)
     said = partial(verdict, summary)
-    answer("retime", summary, report, as_json, out, files, verdict=said, scene=scene.source)
+    answer("retime", summary, report, as_json, out, files, verdict=said, scene=scene)
 
 
 @app.command()
@@ -541,7 +542,7 @@ def sweep(
         "sweep.png": lambda path: sweep_figure(result).savefig(path),
     }
     tables = partial(sweep_report, result, summary)
-    answer("sweep", summary, tables, as_json, out, files, scene=result.scene)
+    answer("sweep", summary, tables, as_json, out, files, scene=scene)
 
 
 @app.command(short_help="Identify friction from a robot's own logs, with intervals.")
@@ -616,7 +617,7 @@ def identify(
     }
     tables = partial(identify_report, identified, summary, run.verbose, out is not None)
     said = partial(verdict, summary)
-    answer("identify", summary, tables, as_json, out, files, verdict=said, scene=scene.source)
+    answer("identify", summary, tables, as_json, out, files, verdict=said, scene=scene)
 
 
 @app.command()
@@ -664,7 +665,7 @@ def replay(
     urdf = "" if scene.robot is None else scene.robot.urdf
     run.read.extend([scene.source, urdf, motion_name or "", log.columns or "", motors or ""])
     lines = partial(replay_lines, shown, opened)
-    answer("replay", shown, lines, as_json, scene=scene.source)
+    answer("replay", shown, lines, as_json, scene=scene)
     if isinstance(motion, Motion) and motion.status == "interrupted" and motion_name is None:
         raise typer.Exit(INTERRUPTED)
 
@@ -775,14 +776,16 @@ def check(
     as_json: AsJson = False,
 ) -> None:
     """List implausible values of a robot or a scene, and the units that would explain them."""
-    from pinfric.checking.plausibility import check
+    from pinfric.checking.plausibility import check, is_urdf
+    from pinfric.model.scene_file import load_scene
     from pinfric.show.report.check import check_report
 
-    with working("reading the robot and its meshes"):
-        report = check(source, xacro_arguments(xacro_arg))
+    with working("reading the robot and its meshes"), warnings.catch_warnings():
+        warnings.simplefilter("ignore", PinfricWarning)  # what they say is among the findings
+        scene = None if is_urdf(source) else load_scene(source)
+        report = check(scene or source, xacro_arguments(xacro_arg))
     run.read.extend(report.files)
-    scene_name = "" if report.source.endswith((".urdf", ".xacro")) else report.source
-    answer("check", report, partial(check_report, report), as_json, scene=scene_name)
+    answer("check", report, partial(check_report, report), as_json, scene=scene, judged=True)
     report.check(strict)  # errors are the last line, and the exit code (2)
 
 
@@ -850,7 +853,7 @@ def accuracy(scene_name: SceneName, out: OutFolder = None, as_json: AsJson = Fal
         "accuracy.csv": lambda path: measured.summary().to_csv(path),
     }
     report = partial(accuracy_report, measured)
-    answer("accuracy", measured, report, as_json, out, files, scene=scene.source)
+    answer("accuracy", measured, report, as_json, out, files, scene=scene)
 
 
 @app.command(short_help="List the effects in a scene, with cost and change of each.")
@@ -873,7 +876,7 @@ def explain(
     with working("measuring"):
         explanation = explain(scene, trajectory)
     report = partial(explain_report, explanation, scene.source)
-    answer("explain", explanation, report, as_json, scene=scene.source)
+    answer("explain", explanation, report, as_json, scene=scene)
 
 
 @app.command(short_help="Write the robot for other engines, or for C++ controllers.")
@@ -927,7 +930,7 @@ def export(
     exported.write(out if to == "cpp" else file)
     say(f"wrote {' and '.join([str(file), *names[1:]])}")
     exported = replace(exported, file=str(file))
-    answer("export", exported, partial(export_report, exported), as_json, scene=scene.source)
+    answer("export", exported, partial(export_report, exported), as_json, scene=scene)
 
 
 #: Command -> module and described classes of what its `--json` holds as its result.

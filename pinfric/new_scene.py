@@ -124,7 +124,7 @@ class Begun:
         doubtful.
         """
         if self.masses:
-            return held_out_level(self.mass, self.facts.way, self.robot.model)
+            return held_out_level(self.mass, self.facts.reach, self.robot.model)
         return believed_weight(self.facts, self.robot.model)
 
 

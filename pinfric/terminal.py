@@ -130,6 +130,7 @@ def load(
     out: Path | None = None,
     names: Sequence[str] = (),
     later: Sequence[str | Path | None] = (),
+    remarked: bool = False,
 ) -> tuple[Scene, Any]:
     """Read a scene, and a trajectory if one is named (else None).
 
@@ -141,7 +142,10 @@ def load(
         out: the folder of the results.
         names: the files that the command may write there.
         later: other inputs of the command; strings that name no file are ignored.
+        remarked: the command's report has a place for what is doubted of the scene; else it is said
+            here.
     """
+    from pinfric.checking.findings import remarks
     from pinfric.model.files import check_writable
     from pinfric.model.inputs import note_input
     from pinfric.model.scene_file import load_scene
@@ -155,17 +159,11 @@ def load(
     run.read.append(scene.source)
     if scene.robot is not None:
         run.read.append(scene.robot.urdf)
+    for line in () if remarked else remarks(scene.quick_findings):
+        notice(line)
     if trajectory_name is None or log is None:
         return scene, None
     return scene, load_motion_of(scene, trajectory_name, log)
-
-
-def question_loads(scene: Scene) -> None:
-    """Warn of payloads and missing masses that would make efforts wrong by a multiple."""
-    from pinfric.checking.scene import load_findings
-
-    for finding in load_findings(scene):
-        notice(f"{finding.place}: {finding.text}")
 
 
 def load_motion_of(scene: Scene, trajectory_name: str, log: ReadingOptions) -> Trajectory:
@@ -279,7 +277,8 @@ def answer(
     *,
     verdict: Callable[[], str] | None = None,
     name: str = "summary.json",
-    scene: str = "",
+    scene: Scene | None = None,
+    judged: bool = False,
     outdated: Iterable[str] = (),
 ) -> None:
     """Print what a command computed, and write its files into a folder, all or none.
@@ -292,12 +291,16 @@ def answer(
         files: name -> what writes it.
         verdict: makes the line that --quiet prints instead of the tables; None: the tables.
         name: of the JSON file.
-        scene: its file.
+        scene: what it is about; its findings are part of the JSON, and errors are the first lines.
+        judged: `verdict` and `report` say these themselves.
         outdated: names of files of an earlier run to delete if this run does not write them.
     """
+    from pinfric.checking.findings import errors
     from pinfric.show.report.envelope import envelope
 
     summary = envelope(command, result, scene, inputs(), run.warnings)
+    wrong = [] if scene is None or judged else errors(scene.quick_findings)
+    first = [f"! not to be used: {line}" for line in wrong]
     if out is not None:
         from pinfric.model.files import write_folder
 
@@ -313,9 +316,11 @@ def answer(
     if as_json:
         show(summary)
     elif verdict is not None and run.quiet:
-        print_line(verdict())
+        print_line("\n".join([*first, verdict()]))
     else:
-        show(report())
+        from rich.text import Text
+
+        show([*map(Text, first), *report()])
 
 
 @contextmanager

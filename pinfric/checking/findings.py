@@ -58,6 +58,8 @@ class Finding:
 
 note, warning, error = (partial(Finding, severity) for severity in Severity)
 
+#: Kind of a doubted mass that the robot's owner confirms.
+CONFIRMED = "confirmed masses"
 #: The same finding at more places is one line, with so many of their names.
 _MOST_NAMES = 4
 
@@ -79,6 +81,17 @@ def alike(findings: Iterable[Finding]) -> list[tuple[Finding, str]]:
 def lines(findings: Iterable[Finding]) -> list[str]:
     """Return findings in words, the same finding at several places as one."""
     return [f"{first.place}: {first.text}{also}" for first, also in alike(findings)]
+
+
+def errors(findings: Iterable[Finding]) -> list[str]:
+    """Return in words the findings beside which no figure is right."""
+    return lines(finding for finding in findings if finding.severity == Severity.ERROR)
+
+
+def remarks(findings: Iterable[Finding]) -> list[str]:
+    """Return in words what is doubted: warnings, and a mass that is confirmed."""
+    doubted = (f for f in findings if f.severity == Severity.WARNING or f.kind == CONFIRMED)
+    return lines(doubted)
 
 
 @described

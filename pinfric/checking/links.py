@@ -46,7 +46,7 @@ _SHARE, _MAIN = 0.05, 0.5
 def link_findings(facts: RobotFacts, meshes: bool = True) -> Iterator[Finding]:
     """Yield findings on the whole robot, then link by link.
 
-    Without `meshes` only of links that have no shapes, or may have an error.
+    Without `meshes` only errors of links that have shapes.
     """
     whole = list(_whole_robot(facts, meshes))
     yield from whole
@@ -66,14 +66,18 @@ def link_findings(facts: RobotFacts, meshes: bool = True) -> Iterator[Finding]:
     for link in facts.links:
         if problem := implausible_body(link.mass, link.inertia):
             yield warning("impossible inertia", f"link {link.name}", problem, "", excess=3.0)
-        if not (meshes or link.suspect or link.name not in facts.drawn):
+        drawn = link.name in facts.drawn
+        if drawn and not (meshes or link.suspect):
             continue
+        findings: list[Finding | None] = []
         if link.has_shapes and (finding := _shape(link, facts)):
-            yield finding
+            findings = [finding]
         elif link.mass > 0 and (link.has_shapes or facts.length > 0):
             findings = [_com(link), _large_inertia(link, unit), _small_inertia(link)]
             findings += [_density(link)] if link.has_shapes and not said else []
-            yield from (finding for finding in findings if finding is not None)
+        for finding in findings:
+            if finding and (meshes or not drawn or finding.severity == Severity.ERROR):
+                yield finding
 
 
 def _whole_robot(facts: RobotFacts, meshes: bool) -> Iterator[Finding]:

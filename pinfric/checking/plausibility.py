@@ -8,7 +8,15 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 
-from pinfric.checking.findings import CheckReport, Finding, Severity, error, note, warning
+from pinfric.checking.findings import (
+    CONFIRMED,
+    CheckReport,
+    Finding,
+    Severity,
+    error,
+    note,
+    warning,
+)
 from pinfric.checking.joints import joint_findings
 from pinfric.checking.links import link_findings, outweighing
 from pinfric.checking.robot import RobotFacts
@@ -110,9 +118,7 @@ def _as_owned(finding: Finding, scene: Scene) -> Finding:
     """
     if scene.masses_confirmed:
         said = f"{finding.why}; confirmed by `robot.masses_confirmed`"
-        return replace(
-            finding, severity=Severity.NOTE, kind="confirmed masses", why=said, unsigned=False
-        )
+        return replace(finding, severity=Severity.NOTE, kind=CONFIRMED, why=said, unsigned=False)
     if finding.severity == Severity.ERROR or not finding.unsigned:
         return finding
     if all(hold is False for hold in scene.masses_hold):
@@ -148,8 +154,8 @@ def _urdf_findings(
     facts: RobotFacts, scene: Scene | None = None, meshes: bool = True
 ) -> Iterator[Finding]:
     """With a scene, its payloads and rotors count where joints move no mass."""
-    robot: Robot | None = None if scene is None or scene.robot.locked else scene.robot
-    if robot is None:
+    robot: Robot | None = None if scene is None else scene.robot
+    if robot is None or (meshes and robot.locked):  # effort limits are those of all its joints
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore", PinfricWarning)

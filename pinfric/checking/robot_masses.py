@@ -72,13 +72,14 @@ def doubted(kind: str, doubt: MassDoubt) -> Finding:
 def _by_size(facts: RobotFacts, meshes: bool = True) -> MassDoubt | None:
     """By the way along the joints, and by the shapes' convex hulls.
 
-    Without meshes: only where the way leaves the mass open.
+    Without meshes hulls can only be an error, where the way leaves the mass open.
     """
     moving = sum(link.mass for link in facts.links)
     total = moving + sum(facts.fixed_mass.values())
     given = moving, total, facts.reach, facts.moving_joints
-    if not meshes and is_usual(*given):
-        return doubted_total(*given)
+    by_reach = doubted_total(*given)
+    if not meshes and (is_usual(*given) or (by_reach and by_reach.impossible)):
+        return by_reach
     shaped = [
         link
         for link in facts.links
@@ -86,7 +87,8 @@ def _by_size(facts: RobotFacts, meshes: bool = True) -> MassDoubt | None:
     ]
     held, hulls = sum(x.mass for x in shaped), sum(x.extent.hull for x in shaped)
     density = held / hulls if hulls and held >= _SHAPED * moving > 0 else None
-    return doubted_total(*given, density)
+    doubt = doubted_total(*given, density)
+    return doubt if meshes or (doubt and doubt.impossible) else by_reach
 
 
 def _equal_masses(facts: RobotFacts) -> Iterator[Finding]:

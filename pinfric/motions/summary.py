@@ -11,7 +11,7 @@ from pinfric.model.described import EFFORT, MOTOR, SPEED, between, described, qu
 from pinfric.model.loops import OffJointDrive
 from pinfric.model.scene import Scene
 from pinfric.model.twin import PRISMATIC
-from pinfric.motions.joint_columns import stated_limit
+from pinfric.motions.joint_columns import stated_limit, stated_range
 
 
 @described
@@ -128,6 +128,35 @@ def beyond_limits(result: InverseResult) -> tuple[str, ...]:
         if peak > limit:
             lines.append(f"{drive.name} needs {peak:.3g} {unit}; the URDF allows {limit:g} {unit}")
     return tuple(lines)
+
+
+#: Part of a limit by which a motion may pass it: noise of a log, a time step of a retimed motion.
+_PASSES = 1e-3
+
+
+def moves_beyond(scene: Scene, q: np.ndarray, v: np.ndarray) -> tuple[str, ...]:
+    """Return in words the joints that a motion (T, nq), (T, nv) moves beyond the URDF's limits."""
+    model, found = scene.model, []
+    for name, joint in zip(scene.joint_names, tuple(model.joints)[1:], strict=True):
+        if joint.nv != 1:
+            continue
+        unit = "m" if joint.shortname().startswith("JointModelP") else "rad"
+        fastest = float(np.abs(v[:, joint.idx_v]).max(initial=0.0))
+        limit = stated_limit(float(model.velocityLimit[joint.idx_v]))
+        if fastest > limit * (1.0 + _PASSES):
+            found.append(f"{name} moves at {fastest:.4g} {unit}/s; the URDF allows {limit:g}")
+        if joint.nq == 1:
+            i, own = joint.idx_q, q[:, joint.idx_q]
+            lower, upper = stated_range(
+                float(model.lowerPositionLimit[i]), float(model.upperPositionLimit[i])
+            )
+            spare = _PASSES * min(upper - lower, 2.0 * np.pi)
+            low, high = float(own.min(initial=np.inf)), float(own.max(initial=-np.inf))
+            if low < lower - spare:
+                found.append(f"{name} moves to {low:.4g} {unit}; the URDF allows {lower:g}")
+            if high > upper + spare:
+                found.append(f"{name} moves to {high:.4g} {unit}; the URDF allows {upper:g}")
+    return tuple(found)
 
 
 #: What is smaller than this beside the largest effort or reaction is rounding of the dynamics.

@@ -9,9 +9,7 @@ from pinfric.dynamics.samples.outcome import Status
 from pinfric.elastic.motion import Elasticity
 from pinfric.elastic.summary import ElasticSummary, elastic_summary
 from pinfric.model.described import EFFORT, described, quantity
-from pinfric.model.legs import hanging_legs
 from pinfric.model.massless import massless_joints
-from pinfric.model.total_mass import doubted_mass
 from pinfric.motions.log.judged import JudgedLog, LogSummary, log_summary
 from pinfric.motions.summary import ActuatorSummary, beyond_limits, payload_phases, summarize
 
@@ -52,8 +50,6 @@ class InverseSummary:
     input: LogSummary | None = quantity("how the log was read; none: the motion is not a log")
     elasticity: ElasticSummary | None = quantity("effects of elastic gears; none: all are rigid")
     massless: tuple[str, ...] = quantity("joints that move no mass: their efforts are friction")
-    hanging: str = quantity("that its legs hang by a fixed base, and how to let it stand; or empty")
-    mass_doubt: str = quantity("why no robot can have these masses or lengths; or empty")
 
 
 def inverse_summary(
@@ -73,8 +69,7 @@ def inverse_summary(
     Raises:
         StateError: the result has no times.
     """
-    joints, doubt = summarize(result), doubted_mass(result.scene.model)
-    t = result.times
+    joints, t = summarize(result), result.times
     sites = [
         SiteSummary(
             name,
@@ -102,6 +97,4 @@ def inverse_summary(
         input=None if log is None else log_summary(log),
         elasticity=None if elastic is None else elastic_summary(elastic),
         massless=massless_joints(result.scene, result.scene.payloads),
-        hanging=hanging_legs(result.scene.model),
-        mass_doubt=doubt.text if doubt is not None and doubt.impossible else "",
     )

@@ -8,6 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
+from pinfric.checking.findings import errors, lines, remarks
 from pinfric.drives.brake import BRAKE, Standstill, standstills
 from pinfric.drives.catalog import Catalog
 from pinfric.drives.criterion import Criterion, Status, compare
@@ -25,9 +26,7 @@ from pinfric.dynamics.inverse.result import InverseResult
 from pinfric.elastic.motion import Elasticity, elasticity
 from pinfric.errors import SizingError, choose_from
 from pinfric.model.brief import counted, file_name, listed, screen
-from pinfric.model.legs import hanging_legs
 from pinfric.model.scene import Scene
-from pinfric.model.total_mass import doubted_mass
 from pinfric.model.upward import Shown
 from pinfric.sizing.choice import brakes_of
 from pinfric.sizing.drive_search import Ask, Assessment, DriveSearch, momentary_peak
@@ -205,6 +204,7 @@ class SizingReport(Shown):
         no_stops: why the stops that the scene asks for could not be judged; else "".
         rating: what the robot is rated for, beside a cycle or alone; None: a cycle alone.
         elsewhere: scenes in which the robot is mounted otherwise, for which the drives are, too.
+        beyond: joints that the cycle moves faster or farther than the URDF allows, in words.
         open_stops: by column, what the gears would bear in stops, N m or N, which the choice does
             not use: of a rating alone; NaN where brakes may close and no algebra tells it.
     """
@@ -229,6 +229,7 @@ class SizingReport(Shown):
     contradiction: str = ""
     rating: RatedCycle | None = None
     elsewhere: tuple[str, ...] = ()
+    beyond: tuple[str, ...] = ()
     open_stops: Mapping[int, float] = field(default_factory=dict)
 
     def __repr__(self) -> str:
@@ -287,11 +288,10 @@ class SizingReport(Shown):
         """Which joints can be signed, what fails, and where: see `verdict`."""
         joints = zip(self.joints, self.criteria, strict=True)
         whole = _failing("robot", self.arm_criteria)
-        (weighs, possible), legs = _weight(self.given), hanging_legs(self.given.model)
         if self.catalog is None:
             alone = (line for joint, own in joints for line in _failing(joint.name, own))
-            whole += [] if possible else [weighs]
-            return Verdict((), (*alone, *whole), "", (legs,) if legs else ())
+            failing = [*alone, *whole, *errors(self.given.findings)]
+            return Verdict((), tuple(failing), "", (*self.beyond, *remarks(self.given.findings)))
         # What the scene says of its masses
         masses = {i: drive.mass for i, drive in enumerate(self.drives) if drive}
         held = held_drives(self.given, masses, self.conditions.mass_in_urdf)
@@ -299,22 +299,23 @@ class SizingReport(Shown):
         beyond = any(
             branch.share > 1.0 for branch in held
         )  # larger gears for the stops may be the last ones
-        impossible = (self.contradiction, heavy * beyond, "" if possible else weighs)
-        doubted = any(impossible)
-        judged = tuple(_of_joint(joint, own, doubted) for joint, own in joints)
-        lines = [line for joint in judged for line in joint.failing]
-        # Of the robot as a whole: the choice, masses, the bus, the stops
+        impossible = [line for line in (self.contradiction, heavy * beyond) if line]
+        unsigned = bool(impossible or self._refused)
+        judged = tuple(_of_joint(joint, own, unsigned) for joint, own in joints)
+        failing = [line for joint in judged for line in joint.failing]
+        # Of the robot as a whole: findings, the choice, masses, the bus, the stops
+        failing += self._refused
         if not self.settled:
-            lines.append(f"the choice still alternates after {self.passes} passes")
-        lines += [*(line for line in impossible[:2] if line), *self._causes]
-        lines += [*_failing("bus", self.bus.criteria), *whole]
-        lines += [self.no_stops] if self.no_stops else []
+            failing.append(f"the choice still alternates after {self.passes} passes")
+        failing += [*impossible, *self._causes[len(self._refused) :]]
+        failing += [*_failing("bus", self.bus.criteria), *whole]
+        failing += [self.no_stops] if self.no_stops else []
         # What it leaves open
         question, same, holds = "", "", self.given.masses_hold
         unsaid = [i for i in masses if holds[i] is None and carried(self.given, i)]
         if self.other_mass not in (None, self.drive_mass):
-            open_ = [j.name for j, hold in zip(self.joints, holds, strict=True) if hold is None]
-            whose = f" of {', '.join(open_)}" if len(open_) < len(holds) else ""
+            unknown = [j.name for j, hold in zip(self.joints, holds, strict=True) if hold is None]
+            whose = f" of {', '.join(unknown)}" if len(unknown) < len(holds) else ""
             question = (
                 f"{self.drive_mass:.2f} kg if the links are bare, {self.other_mass:.2f} kg if they "
                 f"hold the drives{whose}: write `robot.masses`"
@@ -328,15 +329,21 @@ class SizingReport(Shown):
         if any(c.name == _OPEN_STOP and c.fails and c.scaled for own in self.criteria for c in own):
             open_stop = f"of a rating alone stops are not demanded: {_DEMAND_STOPS}"
             question = "; ".join(text for text in (question, open_stop) if text)
-        remarks = (legs, same, "" if beyond else heavy, weighs if possible else "")
-        return Verdict(judged, tuple(lines), question, tuple(text for text in remarks if text))
+        open_ = [text for text in (same, "" if beyond else heavy) if text]
+        doubted = remarks(f for f in self.given.findings if not f.refuses)
+        return Verdict(judged, tuple(failing), question, (*open_, *doubted))
+
+    @cached_property
+    def _refused(self) -> tuple[str, ...]:
+        """Findings on scene, robot and cycle beside which nothing is signed, in words."""
+        return (*lines(f for f in self.given.findings if f.refuses), *self.beyond)
 
     @cached_property
     def _causes(self) -> tuple[str, ...]:
         catalog, conditions = self.catalog, self.conditions
         if catalog is None:
             return ()
-        reasons, pairs = [], tuple(zip(self.joints, self.criteria, strict=True))
+        reasons, pairs = [*self._refused], tuple(zip(self.joints, self.criteria, strict=True))
         bare = [j.name for j, own in pairs for c in own if c.name == BRAKE and c.fails]
         if bare and not catalog.brakes:
             reasons.append(
@@ -356,8 +363,7 @@ class SizingReport(Shown):
                 f"{outside(outer[0], conditions)[0]}, and none is signed: give the temperature at "
                 "the drives"
             )
-        weighs, possible = _weight(self.given)
-        return (*reasons, *[weighs] * (not possible))
+        return tuple(reasons)
 
     @cached_property
     def standstills(self) -> tuple[Standstill, ...]:
@@ -431,21 +437,6 @@ class SizingReport(Shown):
         if name not in joints:
             raise SizingError(f"there is no drive {name!r}; {choose_from(name, joints)}")
         return joints[name]
-
-
-def _weight(scene: Scene) -> tuple[str, bool]:
-    """Return what is doubted of the robot's mass, else "", and whether it can be signed so.
-
-    Robots that are too light by less than ten times are signed where links are said to be bare.
-    """
-    doubt = doubted_mass(scene.model)
-    if doubt is None:
-        return "", True
-    if doubt.impossible or not doubt.light:
-        return f"robot: {doubt.text}", not doubt.impossible
-    bare = all(hold is False for hold in scene.masses_hold)
-    said = "" if bare else "; bare links are said by `robot.masses: without_drives`"
-    return f"robot: {doubt.text}{said}", bare
 
 
 def _open_stop(report: SizingReport, k: int) -> list[Criterion]:

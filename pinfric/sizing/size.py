@@ -26,7 +26,7 @@ from pinfric.model.brief import file_name
 from pinfric.model.scene import Scene, expect_scene
 from pinfric.model.schema import OTHERS
 from pinfric.motions.rating import Rating, parse_rating, rate
-from pinfric.motions.summary import beyond_limits, effort_unit, rms
+from pinfric.motions.summary import beyond_limits, effort_unit, moves_beyond, rms
 from pinfric.motions.trajectory import Trajectory
 from pinfric.sizing.caveats import caveats, discontinuities, unclosed
 from pinfric.sizing.choice import (
@@ -223,6 +223,7 @@ def _report(task: Task, choice: DriveChoice, impossible: str) -> SizingReport:
         contradiction=impossible,
         rating=rating,
         elsewhere=tuple(task.elsewhere),
+        beyond=moves_beyond(without.scene, without.states.q, without.states.v),
         open_stops=choice.open_stops,
     )
 

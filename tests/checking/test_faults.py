@@ -63,7 +63,7 @@ def test_deliberate_faults_are_found_with_their_unit(robots, fault):
     factors, kind, unit, found, misled = FAULTS[fault]
     counts = Counter()
     for facts, said in robots:
-        moving = sum(joint.type != "fixed" for joint in facts.document.joints)
+        moving = facts.moving_joints
         for shaped in (True, False):
             given = facts if shaped else replace(facts, extents={})
             own = said if shaped else list(link_findings(given))

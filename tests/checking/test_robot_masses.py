@@ -11,7 +11,6 @@ from tables import table
 
 import pinfric as pf
 from pinfric.checking.findings import Severity
-from pinfric.checking.link_extent import link_extents
 from pinfric.checking.robot import RobotFacts
 from pinfric.model.robot import example_robot_data
 
@@ -148,7 +147,7 @@ def test_hulls_of_shapes_have_their_volume(tmp_path):
     for text, volume in shapes.items():
         shape = f"<visual>{at}<geometry>{text}</geometry></visual>"
         facts = RobotFacts.of(urdf(tmp_path, *arm((1, 1), shape=shape)))
-        extents, _ = link_extents(facts.document, facts.urdf, ())
+        extents = facts.extents
         assert extents["l0"].hull == pytest.approx(volume, rel=1e-9 if "box" in text else 0.02)
         assert extents["l0"].hull <= volume * (1 + 1e-9)
     cubes = "".join(

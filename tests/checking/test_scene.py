@@ -10,7 +10,6 @@ from tables import table
 
 import pinfric as pf
 from pinfric.checking.findings import Severity
-from pinfric.checking.scene import load_findings
 
 FINDINGS = r"""
 friction  {bearing: {kind: pin, radius: 12}, mu: MU}        friction.swing.bearing.radius  links it joins are 0\.406 m large.*mm: 0\.012 m
@@ -18,7 +17,7 @@ friction  {bearing: {kind: linear, radial: 0.02}, mu: MU}   friction.swing.mu.st
 friction  {coulomb: {static: 50, kinetic: 50}}              friction.swing.coulomb    effort limit is 40 N m
 friction  {viscous: 20}                                     friction.swing.viscous    60 N m at the joint's speed
 payload   {link: rod, mass: 1000, com: [0, 0, 0]}           robot.payloads.box.mass   2\.5 kg of the robot move.*in g: 1 kg
-payload   {link: rod, mass: 1, com: [0, 0, 150]}            robot.payloads.box.com    reaches 0\.4 m.*in mm: 0\.15 m
+payload   {link: rod, mass: 1, com: [0, 0, 150]}            robot.payloads.box.com    is 0\.4 m long.*in mm: 0\.15 m
 payload   {link: rod, mass: 1, com: [0, 0, 0], inertia: [9, 0, 0, 9, 0, 9]}  robot.payloads.box.inertia  radius of gyration 3 m
 start     90                                                simulation.start.q.swing  outside its limits -2 to 2.*degrees: 1\.57
 locked    {turn: 45}                                        robot.locked.turn         outside.*degrees: 0\.785
@@ -74,10 +73,10 @@ def test_inverse_says_what_makes_efforts_wrong_by_a_multiple(
 def test_one_link_a_thousand_times_too_heavy_is_asked_about():
     """`inverse` and `size` ask, too; of bundled robots nothing is asked."""
     model = pf.load_scene("three_link").model.copy()
-    assert not [x for x in load_findings(pf.Scene(model)) if x.kind == "one heavy link"]
+    assert not [x for x in pf.Scene(model).quick_findings if x.kind == "one heavy link"]
     body = model.inertias[2].copy()
     model.inertias[2] = pin.Inertia(1000 * body.mass, body.lever, 1000 * body.inertia)
-    (found,) = [x for x in load_findings(pf.Scene(model)) if x.kind == "one heavy link"]
+    (found,) = [x for x in pf.Scene(model).quick_findings if x.kind == "one heavy link"]
     assert found.place == f"what joint {model.names[2]} moves"
     assert f"{1000 * body.mass:.4g} kg, all others" in found.text
     assert "if it is in g" in found.text

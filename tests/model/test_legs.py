@@ -59,7 +59,7 @@ def test_every_verdict_says_that_legs_hang(tmp_path, names, root, hangs):
     q = np.tile(pin.neutral(scene.model), (2, 1))
     motion = pf.Trajectory.from_arrays(scene, np.array([0.0, 1.0]), q, zero, zero)
     result = pf.inverse_dynamics(scene, motion)
-    said = "2 legs hang by the fixed base base, and carry only themselves; to let them stand, add"
+    said = "2 legs hang by the fixed base base, and carry only themselves: to let them stand, add"
     assert (said in verdict(result, inverse_summary(result, ""))) == hangs
     if root == "fixed":
         remarks = pf.size(scene, motion, on_miss="ignore").verdict.remarks

@@ -10,7 +10,7 @@ from robot_cases import urdf
 import pinfric as pf
 from pinfric.checking.robot import RobotFacts
 from pinfric.model.robot import read_robot
-from pinfric.model.total_mass import doubted_mass, way_along_joints
+from pinfric.model.total_mass import doubted_mass, doubted_reach, reach_of
 from pinfric.show.inverse_summary import inverse_summary
 from pinfric.show.report.inverse import verdict
 
@@ -35,7 +35,8 @@ def arm(mass, length, joints=3):
     ],
 )
 def test_mass_over_the_way_cubed(mass, length, says, impossible):
-    doubt = doubted_mass(arm(mass, length))
+    model = arm(mass, length)
+    doubt = doubted_reach(reach_of(model)) or doubted_mass(model)
     assert (doubt is not None and doubt.impossible) == impossible
     assert ("" if doubt is None else doubt.text).count(says or "x") == bool(says)
     unit = {0.006: "t: 18 kg", 2000.0: "g: 6 kg", 70.0: "g: 0.21 kg", 1.0: "mm: 1 m"}.get(mass)
@@ -58,17 +59,21 @@ def test_the_way_is_that_of_the_file_with_what_is_fixed(tmp_path):
         )
     )
     file = urdf(tmp_path, links, text)
-    assert way_along_joints(read_robot(file, {}).model) == pytest.approx(1.0)
-    assert RobotFacts.of(file).way == pytest.approx(1.0)
-    assert way_along_joints(read_robot(file, {"bc": 0.3}).model) == pytest.approx(1.0)
+    assert reach_of(read_robot(file, {}).model) == pytest.approx(1.0)
+    assert RobotFacts.of(file).reach == pytest.approx(1.0)
+    assert reach_of(read_robot(file, {"bc": 0.3}).model) == pytest.approx(1.0)
 
 
 @pytest.mark.parametrize(
     ("mass", "step", "says"),
     [
         (2.0, 0.5, "the URDF limits no effort"),
-        (0.002, 0.5, "no robot is so: 0.006 kg move on 1 m of joints"),
-        (2.0, 500.0, "no robot is so: its joints reach 1000 m: .* wrong; if it is in mm: 1 m$"),
+        (0.002, 0.5, "not to be used: robot: 0.006 kg move on 1 m of joints"),
+        (
+            2.0,
+            500.0,
+            "not to be used: robot: its joints reach 1000 m: .* wrong; if it is in mm: 1 m$",
+        ),
     ],
 )
 def test_inverse_repeats_what_cannot_be(mass, step, says):

@@ -143,7 +143,7 @@ def patched(tree):
 #: Modules looked up by a name: the tables of what the package and its commands have; an extra that
 #: may not be installed. And the number that numba gives to a function next.
 LOOKED_UP = {
-    "pinfric": ["import_module(_PUBLIC[name])"],
+    "pinfric": ["import_module((_PUBLIC | _INTERNAL)[name])"],
     "pinfric.cli": ["import_module(f'pinfric.{module}')"],
     "pinfric.kernels.compiled": ["FunctionIdentity._unique_ids"],
     "pinfric.show.pages.page": ["import_module(module)"],

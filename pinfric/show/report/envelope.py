@@ -7,28 +7,31 @@ from pathlib import Path
 from typing import Any
 
 from pinfric import __version__
+from pinfric.checking.findings import Finding
 from pinfric.model.described import Schema, closed, in_json
 from pinfric.model.files import file_hash
+from pinfric.model.scene import Scene
 
 
 def envelope(
     command: str,
     result: Any,
-    scene: str = "",
+    scene: Scene | None = None,
     inputs: Iterable[str | Path] = (),
     warnings: Sequence[str] = (),
 ) -> dict[str, Any]:
     """Return the JSON of one run of a command; SI units, None for NaN and infinity.
 
     Args:
-        scene: its file; empty: none.
+        scene: what it is about; None: no scene.
         inputs: names of files that were read; what is no file is left out.
         warnings: of this run.
     """
     return {
         "pinfric": __version__,
         "command": command,
-        "scene": scene or None,
+        "scene": None if scene is None else scene.source,
+        "findings": [] if scene is None else in_json(scene.quick_findings),
         "inputs": hashes(inputs),
         "result": in_json(result),
         "warnings": list(warnings),
@@ -59,6 +62,11 @@ def result_schema(results: Mapping[str, Sequence[type]]) -> dict[str, Any]:
                     "pinfric": {**text, "description": "version"},
                     "command": {"const": command},
                     "scene": {**name, "description": "its file"},
+                    "findings": {
+                        "type": "array",
+                        "items": schema.of_class(Finding),
+                        "description": "errors of scene and robot, and what else asks for no mesh",
+                    },
                     "inputs": {
                         "type": "object",
                         "additionalProperties": text,

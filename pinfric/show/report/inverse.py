@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from pinfric.checking.findings import Severity, errors, lines
 from pinfric.dynamics.inverse.result import InverseResult
 from pinfric.dynamics.samples.outcome import Status
 from pinfric.model.brief import counted
@@ -100,11 +101,11 @@ def verdict(result: InverseResult, summary: InverseSummary) -> str:
     elif summary.massless:
         moves = "moves" if len(summary.massless) == 1 else "move"
         within += f"; {', '.join(summary.massless)} {moves} no mass: friction only"
-    if summary.mass_doubt:
-        within = f"no robot is so: {summary.mass_doubt}"
     narrow = f"; {counted(summary.too_narrow, 'sample')} whose intervals may be too narrow"
-    hanging = f"; {summary.hanging}" if summary.hanging else ""
-    return f"{solved}; {within}" + narrow * (summary.too_narrow > 0) + hanging
+    found = result.scene.quick_findings
+    said = [*(f"not to be used: {line}" for line in errors(found))]
+    said += lines(f for f in found if f.unsigned and f.severity == Severity.WARNING)
+    return "; ".join([f"{solved}; {within}" + narrow * (summary.too_narrow > 0), *said])
 
 
 def log_lines(log: JudgedLog | None, units: Mapping[str, str]) -> list[str]:
