@@ -24,11 +24,11 @@ ROOMS = {
     "front": ("begins a scene; names the files that users write", "new_scene, formats"),
     "tasks": (
         "what users ask, one folder a question",
-        "sizing, retiming, sweeps, identification, exporting, checking, accuracy",
+        "sizing, retiming, sweeps, identification, exporting, accuracy",
     ),
     "drives": (
-        "catalogues, conditions, limits, stops, elastic gears; motions and logs",
-        "stops, elastic, drives, motions",
+        "catalogues, conditions, limits, stops, elastic gears; what is implausible; motions and logs",
+        "stops, checking, elastic, drives, motions",
     ),
     "dynamics": ("writes friction problems of states and reads their solutions", ""),
     "friction": (
@@ -55,12 +55,11 @@ PARTS = {
             "sweeps",
             "identification",
             "exporting",
-            "checking",
             "accuracy",
         ),
         "tasks",
     ),
-    **dict.fromkeys(("stops", "elastic", "motions"), "drives"),
+    **dict.fromkeys(("stops", "checking", "elastic", "motions"), "drives"),
 }
 #: One state through the program: function, its module, what it does.
 STEPS = {

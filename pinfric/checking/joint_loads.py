@@ -17,6 +17,8 @@ from pinfric.motions.joint_columns import stated_range
 #: An effort limit beyond so many times the whole robot held out level is a placeholder: the
 #: strongest shoulder or leg made has 1.1 (hands 1.4).
 _OVER_ROBOT = 3.0
+#: It says so of robots with so many joints: a turntable's drive has inertia to turn, and no weight.
+_ARM = 3
 #: Limit times velocity limit over the robot's mass (W/kg): the strongest joint made has 88.
 _POWER = 100.0
 #: From so many joints on with one limit, above this part of the robot held out level, whose own
@@ -147,8 +149,8 @@ def limit_remarks(
 ) -> tuple[dict[int, str], dict[int, float]]:
     """Return joint -> why its limit is a placeholder, and -> N m against its own weight.
 
-    It is one beyond 3 m g L of the whole robot, where limit times velocity limit exceeds 100 W/kg
-    of it, or where five turning joints or more have one limit beyond m g L.
+    It is one beyond 3 m g L of a robot of three joints or more, where limit times velocity limit
+    exceeds 100 W/kg of it, or where five turning joints or more have one limit beyond m g L.
     """
     # Turning joints with an effort limit -> it, N m, and the velocity limit, rad/s
     turning = {
@@ -166,9 +168,10 @@ def limit_remarks(
                 remarks[j] = f"its effort limit, {limit:.4g} N m, looks like a placeholder"
         return remarks, {}
     mass = sum(body.mass for body in model.inertias)
+    arm = model.njoints > _ARM
     for j, (limit, speed) in turning.items():
         said = f"its effort limit, {limit:.4g} N m, looks like a placeholder"
-        if limit > _OVER_ROBOT * held_out:
+        if arm and limit > _OVER_ROBOT * held_out:
             remarks[j] = f"{said}: the whole robot held out level needs {held_out:.3g}"
         elif math.isfinite(speed) and limit * speed > _POWER * mass:
             remarks[j] = (

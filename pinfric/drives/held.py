@@ -18,6 +18,8 @@ from pinfric.model.scene import Scene
 #: Parts of the mass of all moving links, and of those beyond a joint, that drives may have before
 #: it is asked: the xArm7 has 0.60, UR3 0.65 beyond a joint, Kinova's j2s6s200 0.51 by its own.
 _OF_ALL, _OF_BRANCH = 0.65, 0.75
+#: Drives over the mass of all moving links, where these are bare: a light arm has 1 to 2.
+_OF_BARE = 10.0
 
 
 class Held(NamedTuple):
@@ -83,3 +85,32 @@ def doubted_masses(held: list[Held]) -> str:
         f"drives would be {share} the mass of {doubted.where}, {doubted.drives:.3g} of "
         f"{doubted.links:.3g} kg: do the links really hold them (`robot.masses`)?"
     )
+
+
+def refuted_masses(
+    scene: Scene, masses: Mapping[int, float | None], known: Mapping[str, float]
+) -> str:
+    """Say that moving links are too light for drives that they are not said to hold; else "".
+
+    Where the scene leaves open whether the links hold drives that outweigh them, they would have to
+    be bare, which is a guess. Bare links are doubted from ten times their mass on.
+
+    Args:
+        scene, masses, known: see `held_drives`.
+    """
+    names, holds = scene.actuator_names, scene.masses_hold
+    added = [i for i in masses if not holds[i] and carried(scene, i) and names[i] not in known]
+    drives = sum(masses[i] or 0.0 for i in added)
+    links = float(sum(body.mass for body in tuple(scene.model.inertias)[1:]))
+    if drives > _OF_BARE * links:
+        return (
+            f"robot.masses: moving links of {links:.3g} kg would carry {drives:.3g} kg of drives, "
+            "as no robot does: correct the masses"
+        )
+    if drives > links and any(holds[i] is None for i in added):
+        return (
+            f"robot.masses is not written: moving links of {links:.3g} kg cannot hold "
+            f"{drives:.3g} kg of drives: write `without_drives` if they are bare, else correct the "
+            "masses"
+        )
+    return ""

@@ -15,7 +15,7 @@ from pinfric.drives.criterion import Criterion, Status, compare
 from pinfric.drives.demand import DriveCycle, JointDemand
 from pinfric.drives.drivetrain import Candidate, MotorCycle, line_voltage
 from pinfric.drives.duty import Schedule
-from pinfric.drives.held import doubted_masses, held_drives
+from pinfric.drives.held import doubted_masses, held_drives, refuted_masses
 from pinfric.drives.limits import SHOCK
 from pinfric.drives.mounting import mounted
 from pinfric.drives.policy import SURROUNDINGS, Conditions, outside, request
@@ -299,7 +299,8 @@ class SizingReport(Shown):
         beyond = any(
             branch.share > 1.0 for branch in held
         )  # larger gears for the stops may be the last ones
-        impossible = [line for line in (self.contradiction, heavy * beyond) if line]
+        refuted = refuted_masses(self.given, masses, self.conditions.mass_in_urdf)
+        impossible = [line for line in (self.contradiction, heavy * beyond, refuted) if line]
         unsigned = bool(impossible or self._refused)
         judged = tuple(_of_joint(joint, own, unsigned) for joint, own in joints)
         failing = [line for joint in judged for line in joint.failing]
@@ -320,7 +321,7 @@ class SizingReport(Shown):
                 f"{self.drive_mass:.2f} kg if the links are bare, {self.other_mass:.2f} kg if they "
                 f"hold the drives{whose}: write `robot.masses`"
             )
-        elif unsaid:
+        elif unsaid and not refuted:
             same = "robot.masses is not written: " + (
                 "the links are too light to hold the drives, which are added to them"
                 if self.other_mass is None
