@@ -27,7 +27,7 @@ ROOMS = {
         "sizing, retiming, sweeps, identification, exporting, accuracy",
     ),
     "drives": (
-        "catalogues, conditions, limits, stops, elastic gears; what is implausible; motions and logs",
+        "catalogues, conditions, limits, stops, elastic gears; findings; motions and logs",
         "stops, checking, elastic, drives, motions",
     ),
     "dynamics": ("writes friction problems of states and reads their solutions", ""),

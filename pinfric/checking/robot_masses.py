@@ -16,7 +16,13 @@ import pinocchio as pin
 from pinfric.checking.findings import Finding, Severity, error, note, warning
 from pinfric.checking.joint_loads import held_out_level
 from pinfric.checking.robot import LinkFacts, RobotFacts
-from pinfric.model.total_mass import MassDoubt, doubted_total, is_usual, shown_density
+from pinfric.model.total_mass import (
+    MassDoubt,
+    doubted_reach,
+    doubted_total,
+    is_usual,
+    shown_density,
+)
 
 #: The links whose shapes are measured hold at least so much of the mass that moves.
 _SHAPED = 0.7
@@ -57,7 +63,7 @@ def mass_findings(facts: RobotFacts, meshes: bool = True) -> Iterator[Finding]:
 def believed_weight(facts: RobotFacts, model: pin.Model) -> float | None:
     """Return the torque (N m) that holds the robot level; None: its masses are doubtful."""
     total = sum(facts.masses.values())
-    if total == 0.0 or _by_size(facts):
+    if total == 0.0 or doubted_reach(facts.reach) or _by_size(facts):
         return None
     return held_out_level(total, facts.reach, model)
 
