@@ -3,18 +3,22 @@
 import re
 import warnings
 import xml.etree.ElementTree as ElementTree
+from pathlib import Path
 
 import numpy as np
 import pytest
 import yaml
+from builders import lump, row
 from check_cases import GEAR, GOOD_SCENE, SCENE, TIP, J, arm, errors
 from cli_cases import told
+from robot_cases import urdf
 from tables import table
 
 import pinfric as pf
-from pinfric.checking.findings import Severity
+from pinfric.checking import link_extent
+from pinfric.checking.findings import Severity, remarks
 from pinfric.errors import PinfricError, PinfricWarning, RobotError
-from pinfric.model.robot import example_robot_data
+from pinfric.model.robot import example_robot_data, read_robot
 
 #: Robots of which nothing is wrong but notes; arms, legs and a lift.
 GOOD = (
@@ -53,10 +57,21 @@ def robots():
     return [next(example_robot_data().rglob(name.rpartition("/")[2])) for name in GOOD]
 
 
+def quick_errors(urdf):
+    """Errors of what every command asks."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", PinfricWarning)
+        robot = read_robot(Path(urdf), {})
+        found = pf.Scene(robot.model, robot=robot).quick_findings
+    return [finding for finding in found if finding.severity == Severity.ERROR]
+
+
 @pytest.mark.parametrize("urdf", robots(), ids=lambda p: p.stem)
-def test_good_robots_have_no_errors_and_few_warnings(urdf):
+def test_good_robots_have_no_errors_and_few_warnings(urdf, monkeypatch):
     report = pf.check(urdf)
     assert not errors(report)
+    monkeypatch.setattr(link_extent, "_mesh", None)  # no command reads a mesh to know it
+    assert not quick_errors(urdf)
     assert report.count(Severity.WARNING) <= 3
     report.check()
 
@@ -100,6 +115,10 @@ def test_wrong_units_are_errors_that_name_the_unit(urdf, changes, factor, kind, 
     found = [f for f in errors(report) if f.kind == kind]
     assert found
     assert {f.kind for f in errors(report)} == {kind}  # no storm of others
+    places = [(f.kind, f.place, f.if_unit) for f in errors(report)]
+    assert sorted((f.kind, f.place, f.if_unit) for f in quick_errors(report.files[0])) == sorted(
+        places
+    )
     share = [f"in {unit}:" in f.if_unit for f in found]
     assert np.mean(share) > 0.8
     with pytest.raises(PinfricError, match=r"robot\.urdf: "):
@@ -210,6 +229,56 @@ def test_new_writes_the_urdfs_ratios_and_dynamics_and_lists_doubts_once(tmp_path
         scene = pf.load_scene(tmp_path / "out/arm.yaml")
     assert scene.drives[0].transmission.ratio == 120
     assert scene.drives[1].transmission is None
+
+
+def test_a_robot_has_one_reach(tmp_path):
+    """A pedestal of 900 m in mm is no reach: the tip is 400 m from the first joint that moves."""
+    file = arm(tmp_path)
+    text = file.read_text().replace("0 0 0.4", "0 0 400")
+    file.write_text(
+        text.replace(
+            '<joint name="swing" type="revolute">',
+            '<joint name="swing" type="revolute"><origin xyz="0 0 900"/>',
+        )
+    )
+    report = pf.check(file)
+    (found,) = errors(report)
+    assert report.figures["reach"] == 400.0
+    assert "its joints reach 400 m" in found.text
+    assert quick_errors(file) == [found]
+
+
+def test_a_mass_that_is_doubted_can_be_confirmed_and_bare_links_may_be_light(tmp_path):
+    """Three rods of 0.5 m: 1.8 kg/m^3 of the reach cubed, or 600."""
+    light, heavy = (
+        pf.Scene(row(["a", "b", "c"], lump(mass, [0.25, 0, 0]), 0.5)) for mass in (0.6, 200.0)
+    )
+
+    def masses(scene):
+        return [(f.severity.name, f.refuses) for f in scene.findings if "masses" in f.kind]
+
+    assert masses(light) == [("WARNING", True)]
+    assert "bare links are said by `robot.masses: without_drives`" in light.findings[0].text
+    assert masses(light.with_(masses="without_drives")) == [("WARNING", False)]
+    assert masses(heavy) == [("WARNING", False)]
+    confirmed = heavy.with_(masses_confirmed=True)
+    assert masses(confirmed) == [("NOTE", False)]
+    assert "confirmed by `robot.masses_confirmed`" in confirmed.findings[0].text
+    assert remarks(confirmed.findings) == [f"robot: {confirmed.findings[0].text}"]
+    impossible = pf.Scene(row(["a", "b", "c"], lump(2e3, [0.25, 0, 0]), 0.5))
+    assert masses(impossible) == [("ERROR", True)]
+    assert masses(impossible.with_(masses_confirmed=True)) == [("NOTE", False)]
+
+
+def test_a_turntable_turns_inertia_and_its_limit_is_no_placeholder(tmp_path):
+    """120 kg that carry no weight, of any radius."""
+    file = urdf(
+        tmp_path,
+        f'<link name="table"><inertial><mass value="120"/>{J}</inertial></link>',
+        '<joint name="turn" type="revolute"><parent link="base"/><child link="table"/>'
+        '<axis xyz="0 0 1"/><limit lower="-3" upper="3" effort="400" velocity="3"/></joint>',
+    )
+    assert [finding.kind for finding in pf.check(file).findings] == []
 
 
 def test_limits_that_are_infinite_are_no_finding(tmp_path):

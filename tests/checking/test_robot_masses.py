@@ -5,6 +5,7 @@ import xml.etree.ElementTree as ElementTree
 
 import numpy as np
 import pytest
+import trimesh
 import yaml
 from robot_cases import INERTIA, urdf
 from tables import table
@@ -134,6 +135,22 @@ def test_masses_computed_from_meshes_of_one_density_are_noted(tmp_path, densitie
     if says:
         assert found["one density"].found.startswith(says)
         assert found["one density"].severity == Severity.NOTE
+
+
+def test_one_density_of_the_drawing_is_seen_beside_other_collision_shapes(tmp_path):
+    """Every second visual lacks a triangle, and all collision shapes are larger boxes."""
+    masses, shapes = [], []
+    for i in range(7):
+        size = np.array([0.1 + 0.01 * i, 0.12, 0.15 + 0.02 * i])
+        drawn = trimesh.creation.box(extents=size)
+        drawn.update_faces(np.arange(len(drawn.faces)) >= i % 2)
+        drawn.export(tmp_path / f"v{i}.stl")
+        trimesh.creation.box(extents=(1.04 + 0.03 * i) * size).export(tmp_path / f"c{i}.stl")
+        masses.append(1000.0 * float(size.prod()))
+        shapes = '<visual><geometry><mesh filename="v{0}.stl"/></geometry></visual>'
+        shapes += '<collision><geometry><mesh filename="c{0}.stl"/></geometry></collision>'
+    found = on_the_whole(pf.check(urdf(tmp_path, *arm(masses, shape=shapes))))
+    assert "1000 kg/m^3 of their meshes" in found["one density"].text
 
 
 def test_hulls_of_shapes_have_their_volume(tmp_path):

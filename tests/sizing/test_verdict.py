@@ -2,12 +2,14 @@
 
 import re
 from dataclasses import replace
+from functools import partial
 from io import StringIO
 
 import pytest
 from rich.console import Console
 from sizing_cases import GEAR, MOTOR, one_drive, sized_cycle, turntable
 
+from pinfric.checking.findings import error, note, warning
 from pinfric.errors import SizingError
 from pinfric.model.described import in_json
 from pinfric.show.pages.sizing import sizing_page
@@ -47,10 +49,11 @@ CASES = {
 }
 
 
-def sized(tmp_path, brakes=None, **conditions):
+def sized(tmp_path, brakes=None, scene=None, **conditions):
     catalog = one_drive(tmp_path, MOTOR, GEAR, brakes={"B": BRAKE} if brakes is None else brakes)
     given = {"holding_brake": "all", **conditions}
-    return sized_cycle(catalog, turntable().with_(stops=STOPS), conditions=given, on_miss="ignore")
+    scene = scene or turntable().with_(stops=STOPS)
+    return sized_cycle(catalog, scene, conditions=given, on_miss="ignore")
 
 
 def assert_said_alike(report, state, line):
@@ -100,6 +103,42 @@ def test_whatever_fails_is_counted_coloured_and_returned_alike(tmp_path, case):
     assert (joint.margin, joint.tightest) == least
     assert joint.tightest == (tightest or joint.tightest)
     assert (joint.margin < 0) == bool(tightest)
+
+
+@pytest.mark.parametrize("refused", [error, partial(warning, unsigned=True)])
+def test_nothing_is_signed_against_a_finding(tmp_path, refused):
+    """An error, or legs that hang: it is said in headline, table, page and JSON."""
+    scene = turntable().with_(stops=STOPS)
+    vars(scene)["findings"] = (refused("k", "link l", "1.4 m off", "its shapes are 0.2 m large"),)
+    report = sized(tmp_path, scene=scene)
+    line = "link l: 1.4 m off: its shapes are 0.2 m large"
+    assert_said_alike(report, "provisional", line)
+    assert report.verdict.failing == (line,)
+    assert line in report.verdict.headline
+
+
+def test_what_is_doubted_stands_on_the_page_to_sign(tmp_path):
+    scene = turntable().with_(stops=STOPS)
+    doubts = [warning("k", f"link {name}", "0.06 m off", "") for name in "ab"]
+    vars(scene)["findings"] = (*doubts, note("k", "robot", "has no name", ""))
+    report = sized(tmp_path, scene=scene)
+    assert_said_alike(report, "can be signed", "")
+    said = "link a: 0.06 m off; also b"
+    assert report.verdict.remarks == (said,)
+    assert said in sizing_page(report)
+
+
+@pytest.mark.parametrize(
+    ("limit", "says"),
+    [("velocityLimit", "table moves at 1.5 rad/s; the URDF allows 1.4"), ("", "")],
+)
+def test_a_cycle_beyond_the_limits_of_the_robot_is_not_signed(tmp_path, limit, says):
+    """The trapezoid turns at 1.5 rad/s; a thousandth more is rounding."""
+    model = turntable().model.copy()
+    model.velocityLimit[0] = 1.4 if limit else 1.499
+    scene = turntable().with_(stops=STOPS, model=model)
+    state = "provisional" if says else "can be signed"
+    assert_said_alike(sized(tmp_path, scene=scene), state, says)
 
 
 def test_a_choice_that_still_alternates_is_not_signed(tmp_path):
