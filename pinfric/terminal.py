@@ -159,7 +159,8 @@ def load(
     run.read.append(scene.source)
     if scene.robot is not None:
         run.read.append(scene.robot.urdf)
-    for line in () if remarked else remarks(scene.quick_findings):
+    unsaid = (f for f in scene.quick_findings if f.kind != "question")  # loading asks these
+    for line in () if remarked else remarks(unsaid):
         notice(line)
     if trajectory_name is None or log is None:
         return scene, None

@@ -168,10 +168,12 @@ def limit_remarks(
                 remarks[j] = f"its effort limit, {limit:.4g} N m, looks like a placeholder"
         return remarks, {}
     mass = sum(body.mass for body in model.inertias)
-    arm = model.njoints > _ARM
+    most = _OVER_ROBOT * held_out
+    if model.njoints <= _ARM:
+        most = max(most, _MOST_LOAD)
     for j, (limit, speed) in turning.items():
         said = f"its effort limit, {limit:.4g} N m, looks like a placeholder"
-        if arm and limit > _OVER_ROBOT * held_out:
+        if limit > most:
             remarks[j] = f"{said}: the whole robot held out level needs {held_out:.3g}"
         elif math.isfinite(speed) and limit * speed > _POWER * mass:
             remarks[j] = (

@@ -121,7 +121,6 @@ PYTHON = """
 pf.load_scene({'robot': 1})  the file is a dict; should be a name or a path
 pf.load_trajectory(None, pendulum)  the file is a NoneType; should be a name or a path
 pf.load_catalog(3)  the file is a int; should be a name or a path
-pf.check(pendulum)  the file is a Scene; should be a name or a path
 pf.retime(pendulum, motion, smooth='5 ms')  smooth '5 ms': should be positive numbers
 pf.load_trajectory(pendulum, 'pendulum')  not a Scene; give pf.load_scene('pendulum')
 pf.load_trajectory('pendulum', ur10)  give one per joint, in the order of `joints`
