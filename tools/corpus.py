@@ -111,7 +111,7 @@ def spoil(urdf: Path, folder: Path) -> list[Path]:
                     if values:
                         element.set(key, " ".join(f"{x:.12g}" for x in values))
         if changed:
-            files.append(folder / f"{urdf.stem}, {name}.urdf".replace(" ", "_"))
+            files.append(folder / f"{urdf.stem}-{name}.urdf".replace(" ", "_"))
             tree.write(files[-1])
     return files
 
