@@ -25,6 +25,7 @@ import numpy as np
 from pinfric.drives.bearing import BearingRatings
 from pinfric.drives.catalog import (
     REFERENCE_TEMPERATURE,
+    WARM,
     Amplifier,
     Brake,
     Catalog,
@@ -223,9 +224,13 @@ class Ratings:
         printed = self.max_winding_printed
         return conditions.max_winding if printed is None else printed
 
+    def heated(self, temperature: Any) -> Any:
+        """Return resistance at temperatures of the winding, deg C, over that at 25 C."""
+        return 1 + COPPER * (temperature - REFERENCE_TEMPERATURE)
+
     def hottest(self, conditions: Conditions) -> float:
-        """Return resistance at the permissible winding temperature over that at 25 C."""
-        return 1 + COPPER * (self.max_winding(conditions) - REFERENCE_TEMPERATURE)
+        """Return the same at the permissible winding temperature."""
+        return float(self.heated(self.max_winding(conditions)))
 
     def voltage(self, torque: np.ndarray, speed: np.ndarray, hot: float = 1.0) -> np.ndarray:
         """Return the voltage that torque and speed take: |R T/k + k omega| (T,), V.
@@ -244,7 +249,7 @@ class Ratings:
             hot * torque / self.stall_torque + speed / self.no_load_speed
         )
 
-    def torque_limit(self, speed: np.ndarray, bus_voltage: float, hot: float = 1.0) -> np.ndarray:
+    def torque_limit(self, speed: np.ndarray, voltage: float, hot: float = 1.0) -> np.ndarray:
         """Return the largest positive torque at each speed: line and peak torque (T,), N m.
 
         A speed below 0 brakes with it: there the back-EMF helps. Infinite where nothing is known.
@@ -253,7 +258,7 @@ class Ratings:
         if self.has_line:
             unit = self.voltage(np.ones(1), np.zeros(1), hot)[0]
             back = self.voltage(np.zeros(1), np.ones(1))[0]
-            limit = np.minimum(limit, (bus_voltage - back * speed) / unit)
+            limit = np.minimum(limit, (voltage - back * speed) / unit)
         return np.maximum(limit, 0.0)
 
 
@@ -264,6 +269,14 @@ def line_voltage(ratings: Ratings, motor: MotorCycle) -> np.ndarray | None:
     hot, speed = motor.figures.hot, motor.speed
     ends = motor.torque_lower, motor.torque_upper
     return np.maximum(*(ratings.voltage(torque, speed, hot) for torque in ends))
+
+
+def bus_voltage(
+    candidate: Candidate, motor: MotorCycle, conditions: Conditions
+) -> np.ndarray | None:
+    """Return the bus voltage (T,) that a cycle takes; None without a line."""
+    taken = line_voltage(candidate.ratings, motor)
+    return None if taken is None else taken / candidate.voltage_share(conditions)
 
 
 def pull_out_share(
@@ -383,6 +396,14 @@ class Candidate:
         more = None if self.brake_entry is None else self.brake_entry.inertia_ends[1]
         return inertia if more is None else _sum(inertia, more)
 
+    def voltage_share(self, conditions: Conditions) -> float:
+        """Return the part of the bus voltage that the motor gets; see the function."""
+        return voltage_share(self.entry, self.amplifier, conditions)
+
+    def voltage(self, conditions: Conditions) -> float:
+        """Return the highest voltage at the motor's terminals, V."""
+        return self.voltage_share(conditions) * conditions.bus_voltage
+
     @property
     def brake_note(self) -> str:
         """The brake, and what of it is not known, in words; empty: there is none."""
@@ -441,6 +462,20 @@ class Candidate:
         return ("N", "m/s") if self.linear and self.at_output else ("N m", "rad/s")
 
 
+def voltage_share(
+    entry: Motor | GearMotor | None, amplifier: Amplifier | None, conditions: Conditions
+) -> float:
+    """Return the part of the bus voltage that a motor gets from its amplifier.
+
+    As that prints it, else the conditions'; 1 of a gearmotor with electronics of its own, whose
+    figures are for its supply.
+    """
+    if isinstance(entry, GearMotor) and (entry.max_voltage or entry.peak_current):
+        return 1.0
+    printed = None if amplifier is None else amplifier.voltage_share
+    return conditions.amplifier_share if printed is None else printed
+
+
 def _sum(a: float | None, b: float | None, factor: float = 1.0) -> float | None:
     """None where one is not known."""
     return None if a is None or b is None else (a + b) * factor
@@ -483,14 +518,11 @@ class MotorFigures:
         "s",
         default=None,
     )
-
-    @property
-    def hot(self) -> float:
-        """Resistance at the winding's peak (else mean) temperature over that at 25 C, else 1."""
-        for temperature in (self.peak_temperature, self.mean_temperature):
-            if temperature is not None and np.isfinite(temperature):
-                return 1 + COPPER * (temperature - REFERENCE_TEMPERATURE)
-        return 1.0
+    hot: float = quantity(
+        "resistance of the winding over that at 25 C: at its peak temperature, else at the mean "
+        "heat, else at the permissible one",
+        default=1.0,
+    )
 
 
 @dataclass(frozen=True)
@@ -516,18 +548,21 @@ class MotorCycle:
     figures: MotorFigures
 
 
-def drives_of(catalog: Catalog, linear: bool) -> Iterator[tuple[str, Callable[[], Candidate]]]:
+def drives_of(
+    catalog: Catalog, linear: bool, ambient: float = WARM
+) -> Iterator[tuple[str, Callable[[], Candidate]]]:
     """Yield the name of every motor with every gear and ratio, and of gearmotors, and their maker.
 
     Args:
         linear: for a sliding joint: only what has a linear output.
+        ambient: as of `motor_with_gear`.
     """
     for gear_name, gear in catalog.gears.items():
         if (gear.output == "linear") != linear:
             continue
         for ratio in gear.ratios:
             for name, motor in catalog.motors.items():
-                make = partial(motor_with_gear, name, motor, gear_name, gear, ratio)
+                make = partial(motor_with_gear, name, motor, gear_name, gear, ratio, ambient)
                 yield drive_name(name, gear_name, gear, ratio), make
     for name, gearmotor in catalog.gearmotors.items():
         if (gearmotor.output == "linear") == linear:
@@ -563,9 +598,14 @@ def amplifier_torque(candidate: Candidate, current: str) -> tuple[float | None, 
 
 
 def motor_with_gear(
-    motor_name: str, motor: Motor, gear_name: str, gear: Gear, ratio: float
+    motor_name: str, motor: Motor, gear_name: str, gear: Gear, ratio: float, ambient: float = WARM
 ) -> Candidate:
-    """Return one motor behind one gear; `ratio`: one of the gear's."""
+    """Return one motor behind one gear.
+
+    Args:
+        ratio: one of the gear's. ambient: deg C, by which a cold gear loses more (`Gear.at`).
+    """
+    gear = gear.at(ratio, ambient)
     inertia = _sum(motor.rotor_inertia, gear.input_inertia)
     made = gear_transmission(gear, ratio, inertia)
     return Candidate(motor_name, motor, gear_name, gear, ratio, *made, gear.bearing)
@@ -588,6 +628,11 @@ def gear_transmission(
     back: Any = gear.back_efficiency
     if isinstance(eta, MakersEfficiency):
         text = "efficiency by the maker's curve"
+    elif gear.dragged_by_rule:  # which loss contains the other is not known: both count in full
+        text = (
+            f"efficiency {eta:.3g} at any load and {gear.no_load_running_torque:.3g} N m no-load, "
+            "by rule, on top"
+        )
     elif gear.no_load_running_torque is not None:
         assert gear.rated_torque is not None  # the schema requires it
         t, running = gear.rated_torque / ratio, gear.no_load_running_torque
@@ -673,12 +718,15 @@ def motor_cycle(
         candidate.ratings, cycle, worst, speed, conditions
     )
     ratings, mean_speed = candidate.ratings, mean(t, np.abs(speed))
+    settled = winding is not None and not winding.runaway
+    warmest = winding.peak if winding is not None and settled else mean_temperature
+    if warmest is None or not np.isfinite(warmest):
+        warmest = ratings.max_winding(conditions)
+    hot = ratings.heated(warmest)
     power, drawn, copper = worst * speed, (None, None, None, None), False
     if current is not None and ratings.resistance is not None:
-        warmer = np.zeros(1)
-        if winding is not None and not winding.runaway:
-            warmer = winding.winding - REFERENCE_TEMPERATURE
-        power, copper = power + ratings.resistance * (1 + COPPER * warmer) * current**2, True
+        of_each = ratings.heated(winding.winding) if winding is not None and settled else hot
+        power, copper = power + ratings.resistance * of_each * current**2, True
         drawn = astuple(power_figures(t, power))
     limit = ratings.stall_at(conditions)
     lag = heat_lag(ratings.thermal_at(conditions), ratings.thermal_time, conditions)
@@ -700,6 +748,7 @@ def motor_cycle(
         overloaded_standstill=None
         if limit is None
         else cycle.longest_above(worst, limit, still=True),
+        hot=hot,
     )
     return MotorCycle(lower, upper, speed, current, winding, power, copper, figures)
 

@@ -129,6 +129,7 @@ class Candidates:
         heat: continuous torque at the rated shaft and the ambient temperature, N m.
         at_output: motors are rated at the joint. linear: the joint slides.
         case: the joint. asked: of the motor (`MotorFigures`). one: the drive, where it is one.
+        share: part of the bus voltage that the motor gets; of arrays the greatest.
     """
 
     gear: Figures
@@ -141,6 +142,7 @@ class Candidates:
     case: JointCase
     asked: Figures = field(default_factory=Figures)
     one: Candidate | None = None
+    share: float = 1.0
 
     def of_gears(self, rows: np.ndarray) -> Candidates:
         """Return those with some of the gears."""
@@ -160,6 +162,11 @@ class Candidates:
     def demand(self) -> GearDemand:
         """Of the joint."""
         return self.case.demand
+
+    @property
+    def voltage(self) -> float:
+        """Highest at the motor's terminals, V."""
+        return self.share * self.case.conditions.bus_voltage
 
     @property
     def candidate(self) -> Candidate:
@@ -210,6 +217,7 @@ class Candidates:
 _NOTHING_ASKED = (
     *("peak", "rms", "mean_speed", "short_term", "overloaded_standstill", "standing"),
     *("peak_temperature", "mean_temperature", "voltage", "overdriven", "braking", "pull_out"),
+    "hot",
 )
 
 
@@ -250,6 +258,7 @@ def read_drive(candidate: Candidate, motor: MotorCycle | None, case: JointCase) 
         case,
         asked,
         candidate,
+        candidate.voltage_share(conditions),
     )
 
 

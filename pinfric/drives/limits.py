@@ -163,9 +163,37 @@ def _at_its_voltage_only(d: Candidates) -> Value:
 
 
 def _line_formula(d: Candidates) -> str:
+    most = f"{d.share:g} x bus voltage" if d.share < 1 else "bus voltage"
+    hot = f"R/R(25 C) = {d.asked.hot:.3g}"
     if d.ratings.torque_constant is None or d.ratings.resistance is None:
-        return "U_n max |T_m/T_stall + omega/omega_no-load| <= bus voltage"
-    return "max |R(T_w) T_m/k + k omega| <= bus voltage"
+        return f"U_n max |(T_m/T_stall) R/R(25 C) + omega/omega_no-load| <= {most}; {hot}"
+    return f"max |R(T_w) T_m/k + k omega| <= {most}; {hot}"
+
+
+def _shared_voltage(d: Candidates) -> str:
+    """The conditions that set the voltage at the motor's terminals, and how hot its winding is."""
+    own = d.share != d.conditions.amplifier_share
+    shared = (" amplifiers" * _fed(d)) if own else " amplifier_share"
+    guessed = np.isnan(d.asked.peak_temperature) and not np.isfinite(d.asked.mean_temperature)
+    taken = bool(guessed) and d.ratings.max_winding_printed is None
+    return "bus_voltage" + shared + " max_winding" * taken
+
+
+def _fastest(d: Candidates) -> Value:
+    """Maximum speed; where no speed-torque line says what is left of it, by the voltage."""
+    speed = first_known(d.motor, STAND_INS["max_speed"])
+    lower = np.minimum(d.voltage / d.motor.nominal_voltage, 1.0)
+    return np.where(_has_line(d) | np.isnan(lower), speed, lower * speed)
+
+
+def _fastest_note(d: Candidates) -> str:
+    most, at_nominal = float(_fastest(d)), float(first_known(d.motor, STAND_INS["max_speed"]))
+    if not most < at_nominal:
+        return ""
+    return (
+        f"{at_nominal:.4g} at {d.motor.nominal_voltage:g} V, in proportion to the {d.voltage:g} V "
+        "that it gets: no speed-torque line is known"
+    )
 
 
 def _winding_room(d: Candidates) -> float:
@@ -233,6 +261,11 @@ def _overdrive_time(d: Candidates) -> float:
 
 def _fed(d: Candidates) -> bool:
     return d.candidate.amplifier is not None
+
+
+def _of_its_bus(d: Candidates, figure: str) -> float:
+    amplifier = d.candidate.amplifier
+    return np.nan if amplifier is None else number(getattr(amplifier, figure))
 
 
 def _of_amplifier(figure: str) -> Callable[[Candidates], str]:
@@ -328,20 +361,28 @@ MOTOR_LIMITS = [
           "V", "nominal voltage <= bus voltage, where no speed-torque line is known",
           "pinfric: what a motor gives at a lower voltage is not known then",
           stage="pair", condition="bus_voltage", applies=_at_its_voltage_only),
-    Limit("speed-torque line", "voltage", lambda d: d.conditions.bus_voltage, "V", _line_formula,
+    Limit("speed-torque line", "voltage", lambda d: d.voltage, "V", _line_formula,
           "equivalent circuit of a DC or field-oriented motor",
           _of_motor("torque constant and resistance, or no-load speed and stall torque"),
           _derived("line"),
-          stage="pair", condition="bus_voltage", key="stall_torque", applies=_turns_smoothly),
-    Limit("motor speed", "motor speed", "motor.max_speed", "speed",
-          "max |omega| <= maximum speed", _MAKER, "maximum speed", stage="pair", key="max_speed",
-          applies=_turns_smoothly),
+          stage="pair", condition=_shared_voltage, key="stall_torque", applies=_turns_smoothly),
+    Limit("motor speed", "motor speed", _fastest, "speed",
+          "max |omega| <= maximum speed", _MAKER, "maximum speed", _fastest_note, stage="pair",
+          key="max_speed", applies=_turns_smoothly),
     Limit("winding temperature", _winding_rise, _winding_room, "K", _winding_formula,
           "maxon, Key information: thermal behaviour (two nodes), copper +0.39 %/K",
           _winding_missing, _winding_note, condition=_cooled, applies=_turns_smoothly),
     Limit("amplifier currents", nothing, nothing, "A",
           "currents of the motor <= those of its amplifier", _MAKER,
           "conditions.amplifiers: which amplifier feeds it", applies=lambda d: not _fed(d)),
+    Limit("amplifier voltage", lambda d: d.conditions.bus_voltage,
+          lambda d: _of_its_bus(d, "max_voltage"), "V", "bus voltage <= that of the amplifier",
+          f"{_MAKER} of the amplifier", "max_voltage of the amplifier",
+          condition="amplifiers bus_voltage", applies=_fed),
+    Limit("amplifier undervoltage", lambda d: _of_its_bus(d, "min_voltage"),
+          lambda d: d.conditions.bus_voltage, "V", "lowest of the amplifier <= bus voltage",
+          f"{_MAKER} of the amplifier", "min_voltage of the amplifier",
+          condition="amplifiers bus_voltage", applies=_fed),
     Limit("amplifier peak current", "motor torque", _amplified("peak_current"), "torque",
           "max |T_m| <= torque constant x peak current of the amplifier",
           f"{_MAKER} of the amplifier", _of_amplifier("peak_current"), _amperes("peak_current"),

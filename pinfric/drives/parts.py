@@ -31,7 +31,7 @@ def named_drive(
         CatalogError: there is none for such a joint; as `own_parts`.
     """
     linear = effort_unit(scene, actuator) == "N"
-    drives = dict(drives_of(catalog, linear))
+    drives = dict(drives_of(catalog, linear, conditions.ambient))
     if name not in drives:
         raise CatalogError(
             f"the catalogue has no drive {name!r} ({catalog.source}); {choose_from(name, drives)}"

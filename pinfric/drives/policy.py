@@ -69,7 +69,9 @@ class Surroundings(NamedTuple):
 #: Kind of product -> its surroundings; of others none were read.
 SURROUNDINGS = {
     "motor": Surroundings(0.0, 50.0, "Kollmorgen Developer Network, derating: encoders from 0 C"),
-    "strain wave": Surroundings(-np.inf, 40.0, "Harmonic Drive 1021387 12/2018, 5.5.4"),
+    "strain wave": Surroundings(
+        -10.0, 40.0, "Harmonic Drive 1021387 12/2018, 5.5.4; efficiency of CSD-20/25 from -10 C on"
+    ),
     "planetary": Surroundings(-15.0, 40.0, "Beckhoff AG2400, TP"),
     "cycloidal": Surroundings(-np.inf, 60.0, "Nabtesco RV-RH, p. 8: of the surface"),
     "amplifier": Surroundings(-np.inf, 40.0, "Kollmorgen Developer Network, derating"),
@@ -94,7 +96,16 @@ def _as_groups(value: Any) -> Any:
 class Conditions(Entry):
     """Conditions of operation, with the defaults of common practice."""
 
-    bus_voltage: Positive = key("at the motors' terminals", 48.0, "V", default=48.0)
+    bus_voltage: Positive = key("of the bus that feeds the amplifiers", 48.0, "V", default=48.0)
+    amplifier_share: Number = key(
+        "part of the bus voltage that a motor gets from its amplifier, where that prints none; the "
+        "rest is for the control of the current",
+        0.95,
+        "1",
+        gt=0,
+        le=1,
+        default=0.9,
+    )
     ambient: Number = key(
         "temperature of the surroundings; makers rate servo motors up to 40 C",
         25.0,

@@ -115,7 +115,7 @@ def bus_power(
 
     Args:
         drives: name -> its motor over the period; None where there is none.
-        voltages: name -> what the motor takes, (T,) V; None where its line is not known.
+        voltages: name -> what the motor takes of the bus, (T,) V; None where its line is not known.
         t: (T,) s, each cycle once. duty: which samples are which cycle of the period.
     """
     power, stretched = np.zeros(len(t)), duty.stretched(t)
@@ -204,7 +204,7 @@ def _sag(
         needed,
         has,
         "V",
-        "max over drives |R T_m/k + k omega| <= U, U = U_0/2 + sqrt(U_0^2/4 - R_s P)",
+        "max over drives |R T_m/k + k omega|/share <= U, U = U_0/2 + sqrt(U_0^2/4 - R_s P)",
         "voltage divider of supply and drives",
         missing,
         "the supply cannot deliver this power through its resistance" if needed == np.inf else "",

@@ -24,6 +24,7 @@ class RatedCycle:
         motion: the cycles, then the rating, then the time switched off.
         schedule: how often a period runs each part: of a rating beside a duty never.
         moves: drive -> its part. holds: parts in which all joints stand. duty: beside it.
+        fast: the part of the top speeds, which is never run: only its peaks count.
     """
 
     rated: Rated
@@ -31,17 +32,19 @@ class RatedCycle:
     schedule: Schedule
     moves: dict[int, int]
     holds: tuple[int, ...]
+    fast: int
     duty: Duty | None
 
     @classmethod
     def of(cls, rated: Rated, duty: Duty | None) -> RatedCycle:
         """Return a rating as a motion, beside a duty with the payloads of the given scene."""
         lifts, parts = zip(*rated.motions(), strict=True)
+        fast = rated.at_top_speed()
         if duty is None:
-            whole, cycles = Duty(tuple((part, 1.0) for part in parts)), 0
+            whole, cycles = Duty(tuple((part, 1.0) for part in parts), beside=(fast,)), 0
         else:
             given = tuple((_also(rated, cycle), weight) for cycle, weight in duty.cycles)
-            whole, cycles = replace(duty, cycles=given, beside=parts), len(given)
+            whole, cycles = replace(duty, cycles=given, beside=(*parts, fast)), len(given)
         numbered: Sequence[tuple[int, Lift | None]] = list(enumerate(lifts, start=cycles))
         return cls(
             rated,
@@ -49,6 +52,7 @@ class RatedCycle:
             whole.schedule(),
             {lift.drive: k for k, lift in numbered if lift is not None},
             tuple(k for k, lift in numbered if lift is None),
+            cycles + len(parts),
             duty,
         )
 
@@ -65,10 +69,6 @@ class RatedCycle:
             means["rating: move"] = self.schedule.only((self.moves[drive],))
         return means
 
-    def top_speed(self, drive: int) -> float:
-        """Return the speed that the rating asks of a joint, rad/s or m/s; 0 of others."""
-        return max((lift.speed for lift in self.rated.lifts if lift.drive == drive), default=0.0)
-
     @property
     def source(self) -> str:
         """The cycles, and what the robot is rated for, in words."""
@@ -77,6 +77,11 @@ class RatedCycle:
             return rating
         single = len(self.duty.cycles) == 1 and self.duty.on == 1
         return f"{self.duty.cycles[0][0].source if single else self.duty.source}, {rating}"
+
+    @property
+    def once(self) -> np.ndarray:
+        """(T,) which samples are the motion that is stopped: the duty, else holds and moves."""
+        return np.arange(len(self.motion.t)) < self.schedule.starts[self.cycles or self.fast]
 
     @property
     def own(self) -> np.ndarray:

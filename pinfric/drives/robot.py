@@ -166,10 +166,8 @@ class DrivenRobot:
         inertia_max = None if np.isnan(own).any() else float(own.max())
         hand = depth(self.scene, i) > BASE_AXES
         swung = None
-        if self.rating is not None:
-            demand = replace(demand, speed=max(demand.speed, self.rating.top_speed(i)))
-            if inertia_max is not None:
-                swung = float(own[self.rating.own].max(initial=0.0))
+        if self.rating is not None and inertia_max is not None:
+            swung = float(own[self.rating.own].max(initial=0.0))
         still = rest_of(self.scene, i, resting, demand.peak, demand.speed)
         return JointCase(demand, cycle, inertia_max, hand, self.conditions, still, swung)
 

@@ -127,6 +127,19 @@ class Rated:
             motion = (table.t, q, table.velocity, table.acceleration)
             yield lift, Trajectory.from_arrays(self.scene, *motion, carried, f"rating: {name}")
 
+    def at_top_speed(self) -> Trajectory:
+        """Return each joint alone at its top speed in its posture, against gravity: two samples."""
+        rows = 2 * np.arange(len(self.lifts))
+        position = np.repeat(self.postures[[lift.posture for lift in self.lifts]], 2, axis=0)
+        velocity = np.zeros((len(position), self.scene.model.nv))
+        for row, lift in zip(rows, self.lifts, strict=True):
+            up = float(np.sign(lift.to[lift.column] - position[row, lift.column])) or 1.0
+            velocity[row : row + 2, self.columns[lift.column].index_v] = up * lift.speed
+        q = configurations(self.columns, position, self.scene.model.nq)
+        carried = {name: name == self.payload for name in self.scene.payloads}
+        motion = np.arange(len(q)) / _RATE, q, velocity, 0.0 * velocity
+        return Trajectory.from_arrays(self.scene, *motion, carried, "rating: top speeds")
+
     def waypoints(self) -> str:
         """Return the whole motion as the text of a way-point file, which says that it is one."""
         names = [column.name for column in self.columns]

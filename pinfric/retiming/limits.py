@@ -257,7 +257,7 @@ def candidate_limits(candidate: Candidate, conditions: Conditions) -> DriveLimit
     }
     values = {limit.key: bound for limit, bound in bounds.items() if limit.key}
     if ratings.has_line:
-        ones, none, volts = np.ones(1), np.zeros(1), conditions.bus_voltage
+        ones, none, volts = np.ones(1), np.zeros(1), candidate.voltage(conditions)
         hot = ratings.hottest(conditions)
         values["stall_torque"] = torque * volts / float(ratings.voltage(ones, none, hot)[0])
         values["no_load_speed"] = speed * volts / float(ratings.voltage(none, ones)[0])

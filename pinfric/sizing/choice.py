@@ -118,7 +118,7 @@ class Task:
     def one_cycle(self, scene: Scene, robot: DrivenRobot) -> Trajectory:
         """Return the cycles without a rating, or a rating alone, as a motion of a scene."""
         states, rating = robot.result.states, robot.rating
-        samples = rating.own if rating is not None and rating.cycles else slice(None)
+        samples = slice(None) if rating is None else rating.once
         carried = states.attached
         attached = (
             {} if carried is None else dict(zip(scene.payloads, carried[samples].T, strict=True))

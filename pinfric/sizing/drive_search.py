@@ -33,6 +33,7 @@ from pinfric.drives.drivetrain import (
     motor_cycle,
     motor_with_gear,
     ratings_of,
+    voltage_share,
     with_brake,
 )
 from pinfric.drives.limit import (
@@ -390,8 +391,10 @@ def _of_gears(
         ],
         entries=entries,
         motors=listed,
-        make=lambda g, m: motor_with_gear(names[m], listed[m], *gears[g]),
-        bare=lambda g: motor_with_gear("", blank, gears[g][0], best[g], gears[g][2]),
+        make=lambda g, m: motor_with_gear(names[m], listed[m], *gears[g], conditions.ambient),
+        bare=lambda g: motor_with_gear(
+            "", blank, gears[g][0], best[g], gears[g][2], conditions.ambient
+        ),
     )
 
 
@@ -589,7 +592,10 @@ class DriveSearch:
         rows = [self._row(b, int(g)) for g in gears]
         mm, ma, aa, hh, hm, ha = np.array([row.means for row in rows]).T[:, :, None]
         samples = np.transpose([row.samples for row in rows], (1, 2, 0))[..., None]
-        d = replace(group.drives.of_gears(gears), case=self.case)
+        share = 1.0  # a bound of gearmotors, of which some have electronics of their own
+        if not group.at_output:
+            share = voltage_share(None, self.parts.own.get("amplifier"), conditions)
+        d = replace(group.drives.of_gears(gears), case=self.case, share=share)
         cool = min(1.0, 1 + COPPER * (conditions.ambient - 25.0))
         own = np.array([row.margin for row in rows])[:, None]
         best, lightest = np.array(-np.inf), np.array(np.inf)

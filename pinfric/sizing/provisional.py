@@ -106,7 +106,12 @@ def _judged(search: DriveSearch, b: int, g: int, m: int, hot: bool) -> Assessmen
         if isinstance(entry, Gear):
             own = {"input_inertia": inertia} if inertial else {}
             drive = motor_with_gear(
-                group.motor_names[m], group.motors[m], name, entry.model_copy(update=own), ratio
+                group.motor_names[m],
+                group.motors[m],
+                name,
+                entry.model_copy(update=own),
+                ratio,
+                search.case.conditions.ambient,
             )
         else:
             drive = gearmotor_drive(

@@ -13,7 +13,7 @@ from pinfric.drives.brake import BRAKE, Standstill, standstills
 from pinfric.drives.catalog import Catalog
 from pinfric.drives.criterion import Criterion, Status, compare
 from pinfric.drives.demand import DriveCycle, JointDemand
-from pinfric.drives.drivetrain import Candidate, MotorCycle, line_voltage
+from pinfric.drives.drivetrain import Candidate, MotorCycle, bus_voltage
 from pinfric.drives.duty import Schedule
 from pinfric.drives.held import doubted_masses, held_drives, refuted_masses
 from pinfric.drives.limits import SHOCK
@@ -408,7 +408,7 @@ class SizingReport(Shown):
         """Power of all chosen drives from their bus, and power fed back."""
         drives = {joint.name: joint.motor for joint in self.joints}
         voltages = {
-            joint.name: line_voltage(joint.installed.candidate.ratings, joint.motor)
+            joint.name: bus_voltage(joint.installed.candidate, joint.motor, self.conditions)
             for joint in self.joints
             if joint.installed is not None and joint.motor is not None
         }

@@ -110,7 +110,7 @@ def test_the_bus_sags_by_the_resistance_of_its_supply(tmp_path):
         hot = 1 + 0.0039 * (joint.motor.winding.peak - 25)
         for torque in (joint.motor.torque_lower, joint.motor.torque_upper):
             needed = np.abs(hot * r / k * torque + k * joint.motor.speed)
-            worst = max(worst, (needed / held).max())
+            worst = max(worst, (needed / 0.9 / held).max())  # 0.9: of the amplifier
     assert sag.required / sag.available == pytest.approx(worst)
     assert (sag.status, sag.margin) == (Status.PASSES, pytest.approx(1 - worst))
     _, found, sag = bus(1.01 * 24**2 / drawn)  # beyond U_0^2/(4 P)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pinfric.drives.drivetrain import Ratings
+from pinfric.drives.drivetrain import Candidate
 from pinfric.drives.policy import Conditions
 from pinfric.dynamics.inverse.result import runs
 from pinfric.motions.summary import ends_by_magnitude
@@ -37,7 +37,8 @@ def torque_speed(joint: JointSizing, report: SizingReport) -> Figure:
     top = 1.15 * max(most, ratings.continuous_torque or 0.0, 0.957 * (ratings.peak_torque or 0.0))
     top = min(top, _MOST_SHRUNK * most) if most > 0 else top
     # The speed axis ends where the envelope does, unless the cycle uses little of it
-    voltage, used = report.conditions.bus_voltage, float(np.abs(speed).max())
+    voltage = taken.candidate.voltage(report.conditions)
+    used = float(np.abs(speed).max())
     ends = [1.25 * used]
     limit = ratings.max_speed or ratings.no_load_speed or ratings.rated_speed
     if limit is not None:
@@ -52,7 +53,7 @@ def torque_speed(joint: JointSizing, report: SizingReport) -> Figure:
     effort, rate = taken.candidate.units
     kind = "force" if effort == "N" else "torque"
     figure, axes = panel(f"{shaft} speed, {rate}", f"{shaft} {kind}, {effort}")
-    _draw_envelope(axes, ratings, report.conditions, motor.figures.hot, (reach, top))
+    _draw_envelope(axes, taken.candidate, report.conditions, motor.figures.hot, (reach, top))
     keep = thinned([lower, upper, speed], _PIECES // 4)
     wide = keep[(upper - lower)[keep] > 1e-9 * max(most, 1e-12)]
     axes.plot(speed[keep], worst[keep], color=BAND, linewidth=0.8)
@@ -124,10 +125,10 @@ def _drawn(joint: JointSizing, series: Sequence[np.ndarray]) -> np.ndarray:
 
 
 def _draw_envelope(
-    axes: Axes, ratings: Ratings, conditions: Conditions, hot: float, ends: tuple[float, float]
+    axes: Axes, drive: Candidate, conditions: Conditions, hot: float, ends: tuple[float, float]
 ) -> None:
     """Draw the motor's limits: the bus voltage's line cut by peak torque, and continuous torque."""
-    voltage, (reach, top) = conditions.bus_voltage, ends
+    ratings, voltage, (reach, top) = drive.ratings, drive.voltage(conditions), ends
     fastest = ratings.max_speed or ratings.no_load_speed or ratings.rated_speed
     end = reach if fastest is None else min(fastest, reach)
     speed = np.linspace(-end, end, 201)
