@@ -37,6 +37,7 @@ from pinfric.drives.policy import (
 from pinfric.dynamics.forward.holds import holds
 from pinfric.dynamics.inverse.inverse import inverse_dynamics
 from pinfric.dynamics.inverse.result import InverseResult
+from pinfric.dynamics.samples.states import States
 from pinfric.errors import PinfricError
 from pinfric.model.described import EFFORT, derived, described, quantity
 from pinfric.model.scene import Scene
@@ -53,6 +54,7 @@ _STATICS = (
 #: Of the robot's largest effort: what is smaller is rounding of its motion or of its masses.
 _NOTHING = 1e-6
 _HOLDING, BRAKE, _STOP = "holding without power", "holding brake", "brake stop energy"
+_COIL = "brake coil voltage"
 
 
 @described
@@ -60,7 +62,7 @@ class Standstill:
     """Holding of a joint when power fails, worst case along the cycle.
 
     Attributes:
-        criteria: holding without power, the brake's torque, and its energy in a stop.
+        criteria: holding without power, the brake's torque, its energy in a stop, and its coil.
     """
 
     effort: tuple[float, float] = quantity(
@@ -114,8 +116,9 @@ def standstills(
         drives: (na,) that were chosen: brakes that are built into other motors do not count; left
             out: what each joint would need, of brakes sold alone.
     """
-    zero, states = np.zeros_like(result.states.v), result.states
-    still = inverse_dynamics(result.scene, states.q, zero, zero, attached=states.attached)
+    states = result.states
+    still = at_rest(result.scene, states)
+    loads = resting_loads(still, conditions)
     inertias = joint_inertias(result.scene, states)
     standing = []
     for i, drive in enumerate(result.scene.drives):
@@ -126,27 +129,55 @@ def standstills(
             own = own - drive.transmission.ratio**2 * inside
         of = (taken.motor, taken.integrated) if taken else ("",)
         fitting = ranked({name: b for name, b in brakes.items() if b.goes_with(*of)})
-        standing.append(_standstill(result, still, i, own, fitting, conditions, there))
+        of_joint = still, loads[:, i]
+        standing.append(_standstill(result, of_joint, i, own, fitting, conditions, there))
     return tuple(standing)
+
+
+def at_rest(scene: Scene, states: States) -> InverseResult:
+    """Return the efforts that hold a robot in each of its postures."""
+    zero = np.zeros_like(states.v)
+    return inverse_dynamics(scene, states.q, zero, zero, attached=states.attached)
+
+
+def resting_loads(still: InverseResult, conditions: Conditions) -> np.ndarray:
+    """Return what brakes hold in each posture, (T, na) N m or N, without friction.
+
+    With `lost_springs: one` the largest of what all springs and hoses leave, and what remains if
+    any one spring is lost.
+
+    Args:
+        still: of `at_rest`.
+    """
+    loads, springs = still.effort_frictionless, still.scene.springs
+    for lost in springs if conditions.lost_springs == "one" else ():
+        if lost.kind == "hose":
+            continue
+        fewer = replace(still.scene, springs=tuple(s for s in springs if s is not lost))
+        without = at_rest(fewer, still.states).effort_frictionless
+        loads = np.where(np.abs(without) > np.abs(loads), without, loads)
+    return loads
 
 
 def _standstill(
     result: InverseResult,
-    still: InverseResult,
+    of_joint: tuple[InverseResult, np.ndarray],
     i: int,
     inertia: np.ndarray,
     brakes: Mapping[str, Brake],
     conditions: Conditions,
     fitted: str | None,
 ) -> Standstill:
+    """`of_joint`: at rest, and the (T,) load that a brake holds."""
+    still, load = of_joint[0], _rounded(result, of_joint[1])
     least = ends_by_magnitude(still.effort_lower[:, i], still.effort_upper[:, i])[1]
-    load, shaft, stop = _rounded(result, still.effort_frictionless[:, i]), None, None
+    shaft, stop, own = None, None, _rounded(result, still.effort_frictionless[:, i])
     effort = largest(_rounded(result, least)), largest(load)
     gear = still.scene.drives[i].transmission
     slides = effort_unit(still.scene, i) == "N"
     ends = result.effort_lower[:, i], result.effort_upper[:, i]
     speed, peak = largest(result.actuator_velocity[:, i]), max(map(largest, ends))
-    demand = rest_of(result.scene, i, load, peak, speed)
+    demand = rest_of(result.scene, i, load, peak, speed, conditions)
     back = 1.0 if gear is None else driven_efficiency(gear)
     why = demand.why_brake(conditions, back <= 0)
     if gear is not None and not (slides and gear.ratio == 1.0):  # a linear motor has no shaft
@@ -158,7 +189,7 @@ def _standstill(
             within = demand.within(conditions)
             stop = Stop(at_shaft, turning, np.abs(load / gear.ratio), within)
     pose = _hardest(still, i)
-    use, held = _use(still, i, pose, load[pose])
+    use, held = _use(still, i, pose, own[pose])
     torque = None if shaft is None else demand.reserve(conditions) * shaft[1]
     name = fitted or None
     if not fitted and torque is not None and (why or torque != 0.0):
@@ -181,7 +212,7 @@ def _standstill(
         unpowered = replace(
             unpowered, status=Status.NOT_REQUIRED, required=None, note=note, missing=""
         )
-    criteria = (unpowered, held_by, energy)
+    criteria = (unpowered, held_by, energy, *_coil(name, brakes, conditions))
     there = name is not None and bool(why) if fitted is None else bool(fitted)
     return Standstill(effort, shaft, use, held, float(result.times[pose]), name, there, criteria)
 
@@ -199,7 +230,7 @@ class RestDemand(NamedTuple):
         load: (T,) effort that holds it without friction, N m (N), at every pose of the cycle.
         peak: largest effort of the cycle. own: dry friction that is known to be the joint's own.
         moves: it moves in the cycle. stops: the scene says how the robot is stopped.
-        unsure: masses or payloads are guesses.
+        unsure: masses or payloads are guesses. sprung: any one spring may be lost.
     """
 
     load: np.ndarray
@@ -208,6 +239,7 @@ class RestDemand(NamedTuple):
     moves: bool
     stops: bool
     unsure: bool
+    sprung: bool = False
 
     def why_brake(self, conditions: Conditions, locks: bool) -> str:
         """Return why the joint needs a brake; empty: it needs none.
@@ -247,17 +279,21 @@ class RestDemand(NamedTuple):
         return STOP_TIME if stopped else np.inf
 
 
-def rest_of(scene: Scene, i: int, load: np.ndarray, peak: float, speed: float) -> RestDemand:
+def rest_of(
+    scene: Scene, i: int, load: np.ndarray, peak: float, speed: float, conditions: Conditions
+) -> RestDemand:
     """Return what a joint that stands still asks of a brake.
 
     Args:
         i: the drive's column. load, peak: as of `RestDemand`. speed: largest, rad/s (m/s).
+        conditions: whether a spring may be lost.
     """
     drive, guesses = scene.drives[i], () if scene.assumed is None else scene.assumed.values
     unsure = any(place.startswith(("robot.masses", "robot.payloads")) for place in guesses)
     own = own_friction(scene, drive.name)
     moves = speed > scene.stick_velocity_of(drive)
-    return RestDemand(load, peak, own, moves, scene.stops is not None, unsure)
+    sprung = conditions.lost_springs == "one" and any(s.kind != "hose" for s in scene.springs)
+    return RestDemand(load, peak, own, moves, scene.stops is not None, unsure, sprung)
 
 
 class Stop(NamedTuple):
@@ -393,6 +429,9 @@ def _torque(
     if rest.unsure:
         factor += " (masses or payloads are guesses)"
     formula = f"{factor} max |load|/ratio at rest, without friction <= torque of the brake"
+    if rest.sprung:
+        formula = formula.replace("friction", "friction and without any one spring")
+        said += f"; {stated(conditions, 'lost_springs')}"
     if stop is not None and stop.within < np.inf:
         formula += f", and max |load|/ratio + J max omega/{stop.within:g} s"
     torque = None
@@ -436,6 +475,27 @@ def _energy(
         note = "" if brake is None or brake.engage_time else "assumed to close at once"
         return compare(_STOP, energy, allowed, "J", formula, source, missing, note, needed)
     return Criterion(_STOP, Status.NOT_REQUIRED, energy, None, "J", None, formula, source, "")
+
+
+def opened(brakes: Mapping[str, Brake], conditions: Conditions) -> dict[str, Brake]:
+    """Return the brakes whose coils, where their voltage is known, the machine can open."""
+    most = max(conditions.coil_voltage, conditions.bus_voltage)
+    return {name: brake for name, brake in brakes.items() if (brake.voltage or 0.0) <= most}
+
+
+def _coil(
+    name: str | None, brakes: Mapping[str, Brake], conditions: Conditions
+) -> tuple[Criterion, ...]:
+    if name is None:
+        return ()
+    most = max(conditions.coil_voltage, conditions.bus_voltage)
+    said = stated(conditions, "coil_voltage", "bus_voltage")
+    rule = (
+        "voltage of the coil <= the higher of coil supply and bus",
+        "maker's figures of the brake",
+    )
+    coil = compare(_COIL, brakes[name].voltage, most, "V", *rule, "voltage of the brake", "", said)
+    return (coil,)
 
 
 def _described(brake: Brake) -> str:

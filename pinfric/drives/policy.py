@@ -214,6 +214,18 @@ class Conditions(Entry):
         ge=1,
         default=1.5,
     )
+    coil_voltage: Positive = key(
+        "of the supply of the brakes' coils, beside the bus: no coil needs more than the higher of "
+        "both",
+        12.0,
+        "V",
+        default=24.0,
+    )
+    lost_springs: Literal["one", "none"] = key(
+        "springs that a brake must do without: gas springs lose pressure, and springs break",
+        "none",
+        default="one",
+    )
     bus_limit: Positive | None = optional(
         "highest permissible bus voltage while motors brake", 56.0, "V"
     )

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from pinfric.drives.brake import rest_of
+from pinfric.drives.brake import at_rest, rest_of, resting_loads
 from pinfric.drives.demand import (
     DriveCycle,
     drive_cycle,
@@ -67,9 +67,7 @@ class _Solved:
         self.result = inverse_dynamics(self.scene, robot.motion)
         _check_known(self.result)
         states = self.result.states
-        zero = np.zeros_like(states.v)
-        still = inverse_dynamics(self.scene, states.q, zero, zero, attached=states.attached)
-        self.rest = still.effort_frictionless
+        self.rest = resting_loads(at_rest(self.scene, states), robot.conditions)
         self.inertia = joint_inertias(self.scene, states)
 
     @cached_property
@@ -168,7 +166,7 @@ class DrivenRobot:
         swung = None
         if self.rating is not None and inertia_max is not None:
             swung = float(own[self.rating.own].max(initial=0.0))
-        still = rest_of(self.scene, i, resting, demand.peak, demand.speed)
+        still = rest_of(self.scene, i, resting, demand.peak, demand.speed, self.conditions)
         return JointCase(demand, cycle, inertia_max, hand, self.conditions, still, swung)
 
     def _point(self, k: int) -> _Point:

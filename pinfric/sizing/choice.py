@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from pinfric.drives.brake import ranked
+from pinfric.drives.brake import opened, ranked
 from pinfric.drives.catalog import Brake, Catalog
 from pinfric.drives.demand import DriveCycle, drive_cycle, driven_joint
 from pinfric.drives.drivetrain import Candidate
@@ -223,7 +223,7 @@ def catalog_arrays(
     catalog: Catalog, conditions: Conditions, scene: Scene
 ) -> dict[bool, CatalogArrays]:
     """Return a catalogue's drives for the joints of a scene, by whether these slide."""
-    brakes = brakes_of(catalog, scene)
+    brakes = brakes_of(catalog, scene, conditions)
     sliding = {effort_unit(scene, i) == "N" for i in range(len(scene.drives))}
     return {linear: CatalogArrays(catalog, conditions, linear, brakes) for linear in sliding}
 
@@ -576,10 +576,11 @@ def light_enough(task: Task, choice: DriveChoice) -> tuple[DriveChoice, str] | N
     )
 
 
-def brakes_of(catalog: Catalog, scene: Scene) -> dict[str, Brake]:
-    """Return the brakes that a robot may have, the smallest first.
+def brakes_of(catalog: Catalog, scene: Scene, conditions: Conditions) -> dict[str, Brake]:
+    """Return the brakes that a robot may have and open, the smallest first.
 
     Where the scene has `stops`, those with an `engage_time`, if there are any.
     """
-    timed = {n: brake for n, brake in catalog.brakes.items() if brake.engage_time is not None}
-    return ranked(catalog.brakes if scene.stops is None else timed or catalog.brakes)
+    brakes = opened(catalog.brakes, conditions)
+    timed = {n: brake for n, brake in brakes.items() if brake.engage_time is not None}
+    return ranked(brakes if scene.stops is None else timed or brakes)

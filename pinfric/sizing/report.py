@@ -371,7 +371,8 @@ class SizingReport(Shown):
         """Holding of each joint without power, and its brake; in the order of `joints`."""
         catalog = self.catalog or Catalog("no catalogue")
         drives = () if self.catalog is None else self.drives
-        return standstills(self.result, brakes_of(catalog, self.given), self.conditions, drives)
+        brakes = brakes_of(catalog, self.given, self.conditions)
+        return standstills(self.result, brakes, self.conditions, drives)
 
     @property
     def notes(self) -> tuple[str, ...]:

@@ -470,6 +470,98 @@ def test_a_winding_under_a_torque_that_does_not_end():
     assert (found.required, found.available) == pytest.approx((rise, 85.0), rel=1e-4)
 
 
+# ---------------------------------------------------------------- voltage, drag
+
+LEVER = """<robot name="lever"><link name="base"/><link name="l"><inertial>
+<origin xyz="0.3 0 0"/><mass value="4"/>
+<inertia ixx="0.4" iyy="0.4" izz="0.4" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="j" type="revolute"><parent link="base"/><child link="l"/><axis xyz="0 -1 0"/>
+<limit lower="-3.1" upper="3.1" effort="400" velocity="3"/></joint></robot>"""
+
+
+def strong(**figures):
+    """A motor and a gear that fail by nothing that is not named here."""
+    motor = {"continuous_torque": 5.0, "peak_torque": 20.0, "rotor_inertia": 2e-4, "mass": 1.0}
+    motor |= {"torque_constant": 0.1, "resistance": 0.4, "max_speed": 900.0}
+    torques = ("rated_torque", "average_torque", "repeated_peak_torque", "momentary_peak_torque")
+    gear = {"ratio": 100.0, "efficiency": 0.8, "input_inertia": 2e-5, "mass": 1.0}
+    gear |= dict.fromkeys(torques, 200.0) | {"max_input_speed": 900.0, "stiffness": 1e5}
+    return {k: figures.get(k, v) for k, v in motor.items()}, gear | {
+        k: v for k, v in figures.items() if k not in motor
+    }
+
+
+@pytest.mark.parametrize(("bus", "passes"), [(48.0, True), (40.0, True), (39.0, False)])
+def test_the_voltage_of_a_rated_top_speed(bus, passes, tmp_path):
+    """4 kg at 0.3 m along the link, 2 kg at 0.1 m across it: sqrt(1.2^2 + 0.2^2) g = 11.93 N m.
+
+    Gear 100, 0.8: 0.1492 N m at the motor, at 300 rad/s. 0.4 ohm at 105 C are 0.5248 ohm:
+    0.5248 x 1.492 A + 0.1 x 300 = 30.78 V; an amplifier that gives 0.78 leaves 30.42 of 39 V.
+    """
+    (tmp_path / "lever.urdf").write_text(LEVER)
+    (tmp_path / "s.yaml").write_text(
+        "pinfric: 1\nrobot: {urdf: lever.urdf, masses: with_drives}\ntool: l\n"
+    )
+    scene = pf.load_scene(tmp_path / "s.yaml")
+    motor, gear = strong()
+    path = write_catalog(tmp_path / "c.yaml", {"M": SOURCED | motor}, {"G": SOURCED | gear})
+    share = 0.78
+    report = pf.size(
+        scene,
+        catalog=load_catalog(path),
+        rating={"payload": 2.0, "link": "l"},
+        conditions={"bus_voltage": bus, "amplifier_share": share, "inertia_ratio": 100.0},
+        on_miss="ignore",
+    )
+    (found,) = report.joints[0].assessments
+    line = next(c for c in found.criteria if c.name == "speed-torque line")
+    volts = 1.312 * 0.4 * sqrt(1.2**2 + 0.2**2) * G / 0.8 / 100 / 0.1 + 0.1 * 100 * 3
+    assert line.required == pytest.approx(volts, rel=1e-4)
+    assert line.available == pytest.approx(share * bus, rel=1e-12)
+    assert (line.status == Status.PASSES) == passes
+    speed = next(c for c in found.criteria if c.name == "motor speed")
+    assert speed.required == pytest.approx(300.0, rel=1e-12)
+
+
+#: s and rad/s^2: to 2 rad/s and back.
+RAMPS = [(1.0, 2.0), (3.0, 0.0), (1.0, -2.0), (1.0, 0.0)]
+#: Kind, efficiency at rated torque -> no-load running torque over rated torque, at the input.
+DRAGS = [("strain wave", 0.77, 0.224), ("strain wave", 0.9, 1 / 0.9 - 1), ("ball screw", 0.8, 0.0)]
+
+
+@pytest.mark.parametrize(("kind", "eta", "share"), DRAGS)
+def test_a_gear_whose_no_load_torque_is_not_printed(kind, eta, share, tmp_path):
+    """At the end of a ramp of 2 rad/s^2 to 2 rad/s: n = n_s + (n_r - n_s) 200/209.4, n_s 0.354 n_r.
+
+    5.02 N m/eta/100 + n + 100 x 2.2e-4 kg m^2 x 2 rad/s^2.
+    """
+    motor, gear = strong(kind=kind, efficiency=eta)
+    scene = scene_of(pin.JointModelRZ(), 1.0, 0.01, 5.0)
+    found, joint = judged(scene, RAMPS, motor, gear, tmp_path)
+    running = share * 200.0 / 100.0
+    starting = 0.354 * running
+    drag = starting + (running - starting) * 200.0 / 209.4
+    top = (5.0 + 0.01 * 2.0) / eta / 100 + drag + 100 * 2.2e-4 * 2
+    assert found["peak torque"].required == pytest.approx(1.2 * top, rel=1e-6)
+    said = " ".join(joint.assessments[0].candidate.stand_ins)
+    assert ("no load running torque: by rule" in said) == (share > 0)
+
+
+def test_a_cold_strain_wave_gear(tmp_path):
+    """At 0 C 2.26 times the losses of 20 C: eta 0.77 becomes 1/(1 + 2.26 x 0.2987) = 0.597."""
+    motor, gear = strong(kind="cycloidal", efficiency=0.77, no_load_running_torque=1e-5)
+    scene, tops = scene_of(pin.JointModelRZ(), 1.0, 0.01, 50.0), {}
+    for kind in ("cycloidal", "strain wave"):
+        for ambient in (40.0, 20.0, 0.0):
+            gear["kind"] = kind
+            found, _ = judged(scene, RAMPS, motor, gear, tmp_path, ambient=ambient)
+            tops[kind, ambient] = found["peak torque"].required / 1.2 - 100 * 2.2e-4 * 2
+    warm, cold = 50.02 / 0.77 / 100, 50.02 / 100 * (1 + 2.26 * (1 / 0.77 - 1))
+    assert tops["strain wave", 0.0] == pytest.approx(cold, rel=1e-4)
+    others = [top for key, top in tops.items() if key != ("strain wave", 0.0)]
+    assert others == pytest.approx([warm] * 5, rel=1e-4)
+
+
 # ---------------------------------------------------------------- examples in print
 
 
