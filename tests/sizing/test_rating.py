@@ -108,9 +108,8 @@ def test_means_are_over_each_joints_own_part(tmp_path):
         still = np.sqrt(np.mean(np.square(held)))
         assert joint.demand.rms == pytest.approx(max(own, still), rel=1e-6, abs=1e-9)
         assert joint.decided == ("rating: move" if own >= still else "rating: hold")
-        every = [
-            pf.inverse_dynamics(rated.scene, m).effort_frictionless for _, m in rated.motions()
-        ]
+        motions = [*(motion for _, motion in rated.motions()), rated.at_top_speed()]
+        every = [pf.inverse_dynamics(rated.scene, m).effort_frictionless for m in motions]
         assert joint.demand.peak == pytest.approx(np.abs(np.concatenate(every)[:, k]).max())
         assert joint.demand.speed == pytest.approx(rated.lifts[k].speed)
 

@@ -87,7 +87,7 @@ def test_every_number_of_a_joint_is_that_of_a_pocket_calculator(tmp_path):
         "short-term torque": (warmest(motor, times, thermal), 0.5),
         "overloaded standstill": (0.0, thermal),
         "peak torque": (conditions.peak_factor * start, 2.0),
-        "speed-torque line": (resistance * start / k + k * speed, 48.0),
+        "speed-torque line": (1.312 * resistance * start / k + k * speed, 0.9 * 48.0),
         "motor speed": (speed, 600.0),
         "gear average torque": (cubic, 40.0),
         "gear repeated peak torque": (joint[0], 60.0),

@@ -210,7 +210,7 @@ def test_envelope_is_the_line_of_the_bus_voltage_cut_by_the_peak_torque(report):
     x, y = np.array(envelope.get_xdata()), np.array(envelope.get_ydata())
     hot = report.joints[0].motor.figures.hot
     k, r = MOTOR["torque_constant"], hot * MOTOR["resistance"]
-    line = np.minimum(k * (48.0 - k * x) / r, MOTOR["peak_torque"])[:201]
+    line = np.minimum(k * (0.9 * 48.0 - k * x) / r, MOTOR["peak_torque"])[:201]
     np.testing.assert_allclose(y[:201], np.maximum(line, 0), atol=2e-3)
     # the interval at rest stands upright at speed 0
     (bars,) = [one for one in axes.collections if one.get_label() == "interval at rest"]
