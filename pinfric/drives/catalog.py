@@ -805,8 +805,6 @@ class Amplifier(Sourced):
     peak_time: Positive | None = optional(
         "for which it may exceed the continuous current", 15.0, "s"
     )
-    min_voltage: Positive | None = optional("lowest of its bus", 10.0, "V")
-    max_voltage: Positive | None = optional("highest of its bus", 50.0, "V")
     voltage_share: Number | None = optional(
         "largest part of its bus voltage that a motor gets", 0.9, "1", gt=0, le=1
     )
@@ -820,7 +818,6 @@ class Amplifier(Sourced):
     @model_validator(mode="after")
     def _figures_agree(self) -> Amplifier:
         _ascending(self, "continuous_current", "peak_current")
-        _ascending(self, "min_voltage", "max_voltage")
         return self
 
 

@@ -263,11 +263,6 @@ def _fed(d: Candidates) -> bool:
     return d.candidate.amplifier is not None
 
 
-def _of_its_bus(d: Candidates, figure: str) -> float:
-    amplifier = d.candidate.amplifier
-    return np.nan if amplifier is None else number(getattr(amplifier, figure))
-
-
 def _of_amplifier(figure: str) -> Callable[[Candidates], str]:
     """What is missing: of the motor's torque, its torque constant, else the amplifier's figure."""
     return lambda d: (
@@ -375,14 +370,6 @@ MOTOR_LIMITS = [
     Limit("amplifier currents", nothing, nothing, "A",
           "currents of the motor <= those of its amplifier", _MAKER,
           "conditions.amplifiers: which amplifier feeds it", applies=lambda d: not _fed(d)),
-    Limit("amplifier voltage", lambda d: d.conditions.bus_voltage,
-          lambda d: _of_its_bus(d, "max_voltage"), "V", "bus voltage <= that of the amplifier",
-          f"{_MAKER} of the amplifier", "max_voltage of the amplifier",
-          condition="amplifiers bus_voltage", applies=_fed),
-    Limit("amplifier undervoltage", lambda d: _of_its_bus(d, "min_voltage"),
-          lambda d: d.conditions.bus_voltage, "V", "lowest of the amplifier <= bus voltage",
-          f"{_MAKER} of the amplifier", "min_voltage of the amplifier",
-          condition="amplifiers bus_voltage", applies=_fed),
     Limit("amplifier peak current", "motor torque", _amplified("peak_current"), "torque",
           "max |T_m| <= torque constant x peak current of the amplifier",
           f"{_MAKER} of the amplifier", _of_amplifier("peak_current"), _amperes("peak_current"),
