@@ -301,6 +301,9 @@ def size(
         return tuple((load_motion_of(scene, file, log), share) for file, share in cycles)
 
     weighed = motions(scene, by_scene.pop(""))
+    from ruamel.yaml import YAML
+    from ruamel.yaml.error import YAMLError
+
     from pinfric.drives.duty import Duty
     from pinfric.model.csv_text import number_of
     from pinfric.show.pages.sizing import sizing_page
@@ -317,7 +320,12 @@ def size(
     )
     duty = Duty(weighed, on, period, elsewhere=elsewhere) if weighed else None
 
-    def number_or_name(text: str) -> float | str:
+    def number_or_name(text: str) -> Any:
+        if text.startswith(("{", "[")):  # as a file has it
+            try:
+                return YAML(typ="safe").load(text)
+            except YAMLError as problem:
+                raise ValueError(text) from problem
         try:
             return number_of(text)
         except ValueError:  # `required`

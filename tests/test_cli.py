@@ -179,6 +179,10 @@ def test_size_takes_conditions(capsys, tmp_path):
         capsys, *size, "--condition", "peak_factor"
     )
     assert "conditions: unknown key `peak`" in refused(capsys, *size, "--condition", "peak=2")
+    # a mapping as files have it
+    named = refused(capsys, *size, "--condition", "bearings={elbow: THK RB 5013}")
+    assert "conditions.bearings: there is no drive 'elbow'" in named
+    assert "should be NAME=VALUE" in refused(capsys, *size, "--condition", "bearings={elbow: ")
 
 
 def test_size_takes_several_cycles_and_refuses_shares_that_do_not_add_up(files, capsys):
