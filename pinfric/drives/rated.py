@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from pinfric.drives.demand import DriveCycle
 from pinfric.drives.duty import Duty, Schedule
 from pinfric.motions.rating import Lift, Rated
 from pinfric.motions.trajectory import Trajectory
@@ -82,6 +83,21 @@ class RatedCycle:
     def once(self) -> np.ndarray:
         """(T,) which samples are the motion that is stopped: the duty, else holds and moves."""
         return np.arange(len(self.motion.t)) < self.schedule.starts[self.cycles or self.fast]
+
+    def others_speed(self, cycle: DriveCycle) -> np.ndarray:
+        """(T,) which samples are of the top speeds of other joints: a drive stands in them."""
+        fast = np.zeros(len(cycle.t), dtype=bool)
+        fast[self.schedule.starts[self.fast] : self.schedule.starts[self.fast + 1]] = True
+        return fast & (cycle.velocity == 0.0)
+
+    def own_speed(self, cycle: DriveCycle) -> DriveCycle:
+        """Return a drive's samples without effort where another joint is at its top speed.
+
+        Its hold in that posture counts as a part of its own.
+        """
+        counts = ~self.others_speed(cycle)
+        names = ("effort_lower", "effort_upper", "effort_frictionless")
+        return replace(cycle, **{name: getattr(cycle, name) * counts for name in names})
 
     @property
     def own(self) -> np.ndarray:

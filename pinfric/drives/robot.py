@@ -146,10 +146,14 @@ class DrivenRobot:
         more = {k: beyond.get(k, 0.0) - there.get(k, 0.0) for k in {**beyond, **there}}
         points = {k: self._point(k) for k, m in more.items() if m}
         cycle = drive_cycle(self.result, i, self.holding, means or self.duty)
+        if self.rating is not None:
+            cycle = self.rating.own_speed(cycle)
         own, resting = self.last.inertia[:, i], self.last.rest[:, i]
         joint, wrench = driven_joint(self.scene, i), None
         for k, point in points.items():
             effort = more[k] * point.effort[:, i] * cycle.powered
+            if self.rating is not None:
+                effort = np.where(self.rating.others_speed(cycle), 0.0, effort)
             resting, own = resting + more[k] * point.rest[:, i], own + more[k] * point.inertia[:, i]
             cycle = replace(
                 cycle,
