@@ -38,7 +38,7 @@ def test_motors_file_with_a_drive_of_the_catalogue(tmp_path):
     assert limits.acceleration == 2.0
     assert limits.peak_torque == pytest.approx(entry.peak_torque / entry.ratio)
     assert limits.no_load_speed == pytest.approx(
-        entry.no_load_speed * entry.ratio * 24.0 / entry.nominal_voltage
+        0.9 * entry.no_load_speed * entry.ratio * 24.0 / entry.nominal_voltage
     )
     found = retime(lifting(), straight(1.0), file)
     assert found.duration == pytest.approx(np.sqrt(4 * 1.0 / 2.0), rel=1e-3)
@@ -99,7 +99,7 @@ def test_a_drive_of_the_catalogue_is_limited_as_size_judges_it(tmp_path):
     scene, limits, candidate = table_drive(tmp_path)
     assert limits.peak_torque == MOTOR["peak_torque"] / Conditions().peak_factor
     hot = 1 + 0.0039 * (MOTOR["thermal"]["max_winding"] - 25)
-    stall = 48.0 * MOTOR["torque_constant"] / (MOTOR["resistance"] * hot)
+    stall = 0.9 * 48.0 * MOTOR["torque_constant"] / (MOTOR["resistance"] * hot)
     assert limits.stall_torque == pytest.approx(stall)
     path = Path.from_waypoints([[0.0], [2.0], [0.0]])
     once = retime(scene, path, {"table": candidate}, heat=False)
