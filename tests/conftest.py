@@ -58,7 +58,10 @@ FIRST = {
 
 
 #: Files of long tests that share nothing: one by one, so that all processes end together.
-LAST = ("judges/test_stuck_loops.py", "judges/test_rounding.py", "end_to_end/test_notebooks.py")
+LAST = (
+    *("judges/test_stuck_loops.py", "judges/test_rounding.py", "judges/test_seams.py"),
+    "end_to_end/test_notebooks.py",
+)
 
 
 def place(nodeid):

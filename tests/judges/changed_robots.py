@@ -201,3 +201,59 @@ def scaled(robot, length=2.0, mass=3.0):
             for name, x in zip(robot.motion["joints"], point["q"], strict=True)
         ]
     return robot
+
+
+def _limits(factor, of):
+    """Multiply the position limits of joints of one kind."""
+
+    def change(robot):
+        for joint in robot.urdf.iter("joint"):
+            limit = joint.find("limit")
+            if limit is not None and joint.get("type") == of:
+                for key in ("lower", "upper"):
+                    limit.set(key, str(factor * float(limit.get(key))))
+
+    return change
+
+
+def _numbers(tag, keys, factor, first=False):
+    """Multiply attributes of all elements of one name, or of the first."""
+
+    def change(robot):
+        for element in robot.urdf.iter(tag):
+            for key in keys:
+                if element.get(key):
+                    numbers = [factor * float(x) for x in element.get(key).split()]
+                    element.set(key, " ".join(map(str, numbers)))
+            if first:
+                return
+
+    return change
+
+
+def _center_outside(robot):
+    """Put the last link's centre of mass 1.4 m from its joint."""
+    last = [link for link in robot.urdf.findall("link") if link.find("inertial") is not None][-1]
+    inertial = last.find("inertial")
+    if inertial.find("origin") is None:
+        ElementTree.SubElement(inertial, "origin")
+    inertial.find("origin").set("xyz", "1.4 0 0")
+
+
+INERTIA = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
+#: Mistake -> a function that makes it in a robot's files.
+MISTAKES = {
+    "limits in degrees": _limits(180.0 / np.pi, "revolute"),
+    "slides in mm": _limits(1e3, "prismatic"),
+    "masses in g": _numbers("mass", ("value",), 1e3),
+    "one mass in g": _numbers("mass", ("value",), 1e3, first=True),
+    "masses in t": _numbers("mass", ("value",), 1e-3),
+    "inertias in g mm^2": _numbers("inertia", INERTIA, 1e9),
+    "inertias in kg mm^2": _numbers("inertia", INERTIA, 1e6),
+    "inertias in g m^2": _numbers("inertia", INERTIA, 1e3),
+    "lengths in mm": _numbers("origin", ("xyz",), 1e3),
+    "lengths in cm": _numbers("origin", ("xyz",), 1e2),
+    "efforts in N mm": _numbers("limit", ("effort",), 1e3),
+    "velocities in deg/s": _numbers("limit", ("velocity",), 180.0 / np.pi),
+    "a centre of mass outside": _center_outside,
+}

@@ -13,12 +13,26 @@ from functools import partial
 from pathlib import Path
 
 if __name__ == "__main__":
-    sys.path[:0] = [str(Path(__file__).parents[k] / end) for k, end in ((1, ""), (1, "helpers"))]
+    sys.path[:0] = [str(Path(__file__).parents[1] / end) for end in ("", "helpers")]
 
 import pytest
 from judges.ledger import Ledger
+from judges.seams_of_commands import (
+    MISTAKES,
+    judge_explained,
+    judge_identified,
+    judge_masses,
+    judge_mistakes,
+    judge_new,
+    judge_rating,
+    judge_route,
+)
 from judges.seams_of_robots import judge_changed
-from judges.seams_of_states import judge_states
+from judges.seams_of_states import judge_massless, judge_states
+
+import pinfric as pf
+
+DATA = "example-robot-data:"
 
 #: Case -> function of a ledger and an empty folder.
 FAST = {
@@ -28,6 +42,16 @@ FAST = {
 FAST |= {
     f"changed {name}": partial(judge_changed, name) for name in ("scara", "gantry", "excavator")
 }
+FAST |= {
+    f"scara with {mistake}": partial(judge_mistakes, "scara", mistakes=[mistake])
+    for mistake in ("limits in degrees", "lengths in mm", "a centre of mass outside")
+}
+FAST |= {
+    f"files of size of {name}": partial(judge_route, name, quick=True)
+    for name in ("pendulum", "gantry", "four_bar")
+}
+FAST |= {"a joint without mass": judge_massless}
+
 NIGHTLY = {
     f"states of {name}": partial(judge_states, name, count=12)
     for name in (
@@ -39,23 +63,95 @@ NIGHTLY |= {
     f"changed {name}": partial(judge_changed, name)
     for name in ("four_bar", "delta", "slider_crank", "drawer", "pendulum", "three_link")
 }
+NIGHTLY |= {
+    f"{name} with {mistake}": partial(judge_mistakes, name, mistakes=[mistake])
+    for name in ("scara", "gantry", "three_link")
+    for mistake in MISTAKES
+}
+NIGHTLY |= {
+    f"route of {name}": partial(judge_route, name)
+    for name in (
+        *("pendulum", "gantry", "four_bar", "scara", "so101", "excavator", "delta", "drawer"),
+        *("slider_crank", "three_link", "ur10_machine_tending", "ur5_pick_and_place"),
+    )
+}
+NIGHTLY |= {
+    "route of ur10_braked": partial(judge_route, "ur10_braked", cycle="ur10_machine_tending"),
+    "route of ur10_machine_tending, rated": partial(
+        judge_route, "ur10_machine_tending", words=("--rating", "payload=10")
+    ),
+    "so101 and its masses": partial(
+        judge_masses, "so101", masses=("", "with_drives", "without_drives")
+    ),
+    "identified arm": judge_identified,
+}
+NIGHTLY |= {
+    f"explained {name}": partial(judge_explained, name, loads="load")
+    for name in ("four_bar", "slider_crank")
+}
+NIGHTLY |= {
+    f"rating of {name}": partial(judge_rating, name, payload=payload, urdf=f"{DATA}{urdf}")
+    for name, payload, urdf in (
+        ("ur5", 5, "ur_description/urdf/ur5_robot.urdf"),
+        ("z1", 2, "z1_description/urdf/z1.urdf"),
+    )
+}
+NIGHTLY |= {
+    f"new {urdf}": partial(judge_new, f"{DATA}{urdf}")
+    for urdf in (
+        "ur_description/urdf/ur3_joint_limited_robot.urdf",
+        "z1_description/urdf/z1.urdf",
+        "panda_description/urdf/panda.urdf",
+        "kinova_description/robots/kinova.urdf",
+        "double_pendulum_description/urdf/double_pendulum.urdf",
+        "go2_description/urdf/go2.urdf",
+        "solo_description/robots/solo12.urdf",
+        "allegro_hand_description/urdf/allegro_left_hand.urdf",
+        "finger_edu_description/robots/finger_edu.urdf",
+        "laikago_description/urdf/laikago.urdf",
+    )
+}
+
+
+#: Kind that is violated today -> why. Delete a line with what mends it.
+OPEN = {
+    "a joint without mass": "its derivative by its own acceleration is 1 in place of 0",
+    "an error of check": "the verdict of `size` does not read all findings of `check`",
+    "a warning of check": "the verdict of `size` does not read all findings of `check`",
+    "files of a signed size": "units of written rotors and ratios are questioned anew",
+    "rating = its way-points": "as a cycle, the motion that `new` writes dilutes a rating",
+    "retimed motion": "`retime` judges another drive than `inverse`: without its brake",
+    "signed: retime": "the given timing is not among those that `retime` tries",
+    "a signed cycle": "speeds beyond the URDF's are not in the verdict",
+    "files of size: every command runs": "`replay --motors` fails where loops couple joints",
+}
 
 
 @pytest.mark.parametrize("case", FAST)
 def test_answers_agree(case, tmp_path):
-    assert not judged(FAST, case, tmp_path).failures()
+    expect(judged(FAST, case, tmp_path))
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("case", NIGHTLY)
 def test_answers_agree_everywhere(case, tmp_path):
-    assert not judged(NIGHTLY, case, tmp_path).failures()
+    expect(judged(NIGHTLY, case, tmp_path))
+
+
+def expect(ledger):
+    """Fail for what does not agree; where only open kinds do not, it is an expected failure."""
+    why = {kind: [OPEN[x] for x in OPEN if kind.startswith(x)] for kind in ledger.violated}
+    assert not [line for kind in why if not why[kind] for line in ledger.violated[kind]]
+    if why:
+        pytest.xfail("; ".join(sorted({reason for reasons in why.values() for reason in reasons})))
 
 
 def judged(cases, case, folder):
     """What a case compared."""
     ledger = Ledger()
-    cases[case](ledger, folder)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", pf.PinfricWarning)  # what is said is compared, too
+        cases[case](ledger, folder)
     assert ledger.tried
     return ledger
 
@@ -65,7 +161,6 @@ def main():
     words = [word for word in sys.argv[1:] if word != "--all"]
     cases = FAST | (NIGHTLY if "--all" in sys.argv else {})
     whole = Ledger()
-    warnings.simplefilter("ignore")
     for case in cases:
         if not words or any(word in case for word in words):
             with tempfile.TemporaryDirectory() as folder:
