@@ -10,6 +10,7 @@ break-away (static above kinetic friction).
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from typing import NamedTuple
 
 import numpy as np
@@ -76,13 +77,15 @@ class Smoothed:
     Args:
         derived: derivatives of the scene, whose buffers nothing else uses.
         width: see the attribute.
+        held: velocities that move no mass (`model.massless`); `forward` lets them rest.
 
     Raises:
         StateError: a width of 0 or below.
     """
 
-    def __init__(self, derived: Differentiator, width: float) -> None:
+    def __init__(self, derived: Differentiator, width: float, held: np.ndarray) -> None:
         self.width = _positive("width", width, "rad/s or m/s")
+        self._held = held
         self._derived, self._scene = derived, derived.scene
 
     def inverse(
@@ -238,7 +241,7 @@ class Smoothed:
         value, of, slope = equations(y)
         terms = float(np.abs(target).max(initial=0.0) + np.abs(value).max(initial=0.0)) + 1e-300
         for _ in range(_PASSES):
-            size, step = float(np.linalg.norm(value)), -np.linalg.solve(slope, value)
+            size, step = float(np.linalg.norm(value)), -self._divide(value, slope, dt)
             for _ in range(_HALVINGS):
                 ahead, of, slope = equations(y + step)
                 if np.linalg.norm(ahead) < size:
@@ -256,8 +259,19 @@ class Smoothed:
                 "larger width or a smaller dt"
             )
         by_v = of.dtau_da / dt if dt else -of.dtau_dv
-        by = np.linalg.solve(slope, np.hstack([-of.dtau_dq, by_v, by_u]))
+        by = self._divide(np.hstack([-of.dtau_dq, by_v, by_u]), slope, dt)
         return y, by[:, :nv], by[:, nv : 2 * nv], by[:, 2 * nv :]
+
+    def _divide(self, right: np.ndarray, slope: np.ndarray, dt: float) -> np.ndarray:
+        """Return slope^-1 right, and 0 for accelerations that no effort depends on."""
+        if dt or not self._held.size:
+            with suppress(np.linalg.LinAlgError):
+                return np.linalg.solve(slope, right)
+            return np.full(right.shape, np.nan)
+        found, moves = np.zeros(right.shape), np.ones(len(slope), dtype=bool)
+        moves[self._held] = False  # one row each is 0, and lies outside what the others span
+        found[moves] = np.linalg.lstsq(slope[:, moves], right)[0]
+        return found
 
 
 def _positive(name: str, value: float, unit: str) -> float:

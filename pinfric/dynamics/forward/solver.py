@@ -633,7 +633,7 @@ class Solver:
         with compiling():
             ws = Workspace(self.scene, self._carried)
             derived = Differentiator(self.scene, ws.pinocchio, ws.machine, ws.argument)
-        return Smoothed(derived, width)
+        return Smoothed(derived, width, ws.held)
 
     def _workspace(self, motors: bool) -> Workspace:
         """The workspace for efforts, or for torques of motors, made at first."""

@@ -96,7 +96,7 @@ class Workspace:
         self.closed = t.closure.dependent
         self.held = np.flatnonzero(massless(scene, attached))
         self.machine = m = make_machine(self.twin, t, self.pinocchio.views)
-        m.tree.armature[self.held] += 1.0  # M has nothing else in their rows and columns
+        m.tree.held_inertia[self.held] = 1.0
         self._argument = KernelArgument(m, kept)
         self.problem, self.modes = m.problem, m.modes
         results = m.results

@@ -58,7 +58,7 @@ def write_mass_matrix(machine: Machine) -> None:
     first, velocity = t.first_freedom, t.freedom_velocity
     for i in range(M.shape[0]):
         for j in range(M.shape[0]):
-            M[i, j] = t.armature[i] if i == j else 0.0
+            M[i, j] = t.armature[i] + t.held_inertia[i] if i == j else 0.0
     for j in range(t.parent.size):
         for g in range(first[j], first[j + 1]):
             i = j

@@ -32,6 +32,8 @@ class Tree(NamedTuple):
         mass: (nj,) of all links that each joint carries (kg).
         gravity: (3,) m/s^2.
         armature: (nv,) rotor inertia reflected to the joints.
+        held_inertia: (nv,) 1 where a velocity moves no mass (`model.massless`), else 0: in M alone,
+            which has nothing else in their rows and columns.
         first_freedom: (nj + 1,) index of each joint's first motion.
         freedom_velocity: (nf,) column of the velocity.
         twist: (nf, 6) motion per unit of it, in the joint's child frame, linear first.
@@ -42,6 +44,7 @@ class Tree(NamedTuple):
     mass: np.ndarray
     gravity: np.ndarray
     armature: np.ndarray
+    held_inertia: np.ndarray
     first_freedom: np.ndarray
     freedom_velocity: np.ndarray
     twist: np.ndarray
@@ -316,6 +319,7 @@ def make_tree(twin: Twin) -> Tree:
         mass=mass,
         gravity=np.array(twin.model.gravity.linear),
         armature=twin.armature.copy(),
+        held_inertia=np.zeros(twin.nv),
         first_freedom=np.searchsorted(joint, np.arange(twin.n_joints + 1)).astype(np.int64),
         freedom_velocity=np.array(column, dtype=np.int64),
         twist=np.array(twist, dtype=float).reshape(-1, 6),

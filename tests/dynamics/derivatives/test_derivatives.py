@@ -357,6 +357,46 @@ def test_forward_of_random_arms_against_differences(seed, rest, motors):
     check_forward(scene_of(seed, mild=0.1, worm=False), seed, rest, motors)
 
 
+@pytest.mark.parametrize("speed", [0.0, 0.7])
+def test_no_effort_depends_on_how_a_joint_without_mass_accelerates(speed):
+    """The inertia that forward dynamics lends such a joint is in M alone."""
+    links = [(n, pin.JointModelRY(), lump(2.0, (0.2, 0.01, 0.0), 0.05)) for n in ("a", "b")]
+    model = chain(*links, ("tip", pin.JointModelRX(), pin.Inertia.Zero()))
+    drives = [{"joint": "a"}, {"joint": "b", "transmission": GEAR}, {"joint": "tip"}]
+    pinned = {
+        "mu": {"static": 0.2, "kinetic": 0.1},
+        "bearing": {"kind": "pin", "radius": 0.02, "length": 0.04},
+    }
+    scene = pf.Scene(
+        model=model, friction={"b": pinned, "tip": dry(0.5, viscous=0.2)}, actuators=drives
+    )
+    solver, _, state = inverse_case(scene, 4, slice(0, 0))
+    state[1][-1], tip = speed, np.arange(model.nv) == model.nv - 1
+    found = solver.inverse_derivatives(*state)
+    assert_close(blocks(found), ends_of(solver), model, state, 1e-9, tip if speed == 0.0 else None)
+    for end in ENDS:
+        assert (getattr(found, end).dtau_da[:, tip] == 0.0).all()
+
+
+def test_smooth_forward_dynamics_lets_a_joint_without_mass_rest():
+    links = [(n, pin.JointModelRY(), lump(2.0, (0.2, 0.01, 0.0), 0.05)) for n in ("a", "b")]
+    tip, friction = ("tip", pin.JointModelRX(), pin.Inertia.Zero()), {"a": dry(0.5, viscous=0.2)}
+    q, v, u = np.array([0.3, 0.5, 0.2]), np.array([0.4, -0.6, 0.0]), np.array([15.0, 4.0, 0.0])
+    drives = [{"joint": n, "transmission": {"ratio": 1.0}} for n in ("a", "b", "tip")]
+    for how in "effort", "motor_torque":
+        found, judge = (
+            pf.Scene(model=chain(*links, *more), friction=friction, actuators=drives[:n])
+            .solver()
+            .smoothed(0.1)
+            .forward(q[:n], v[:n], **{how: u[:n]})
+            for n, more in ((3, (tip,)), (2, ()))
+        )
+        for one, other in zip(found[:4], judge[:4], strict=True):
+            at = (slice(0, 2),) * other.ndim
+            assert_allclose(one[at], other, rtol=1e-12, atol=1e-12 * np.abs(other).max())
+            assert (one[2] == 0.0).all()
+
+
 def test_a_joint_that_moves_no_mass_stays_and_moves_nothing():
     """Without friction no mode holds it; differences are of the scene without it."""
     links = [(n, pin.JointModelRY(), lump(2.0, (0.2, 0.01, 0.0), 0.05)) for n in ("a", "b")]
