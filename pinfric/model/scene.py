@@ -303,16 +303,23 @@ class Scene:
     def _mention_unused(self) -> None:
         """Warn of friction in the model, which does not count, and of rotors that count twice."""
         model, names, rubbing = self.model, velocity_names(self.model), set(self.friction)
-        size = np.abs([model.damping, model.lowerDryFrictionLimit, model.upperDryFrictionLimit])
-        pairs = zip(names, size.max(axis=0), strict=True)
-        unused = list(dict.fromkeys(n for n, most in pairs if most > 0.0 and n not in rubbing))
+        dry = np.abs([model.lowerDryFrictionLimit, model.upperDryFrictionLimit]).max(axis=0)
+        values = zip(names, dry.tolist(), np.abs(model.damping).tolist(), strict=True)
+        unused = {n: at for n, *at in values if max(at) > 0.0 and n not in rubbing}
         more = f" and {len(unused) - 4} more" if len(unused) > 4 else ""
         said = []
         if unused and self.robot is None:  # of a URDF `load_scene` says it
+            laws = {
+                n: {key: x for key, x in zip(("coulomb", "viscous"), at, strict=True) if x > 0.0}
+                for n, at in unused.items()
+                if n in model.names  # not of a ball or a floating base: they have no such friction
+            }
+            first = ", ".join(f"{n!r}: {law}" for n, law in list(laws.items())[:4])
+            rest = ", ..." if len(laws) > 4 else ""
+            count = f"give friction={{{first}{rest}}} if they should; " if laws else ""
             said.append(
-                f"model.damping and model.friction of {', '.join(unused[:4])}{more} do not "
-                "count: give them as `friction` ({joint: {coulomb: 5.0, viscous: 2.0}}), or set "
-                "them to 0"
+                f"model.damping and model.friction of {', '.join(list(unused)[:4])}{more} do not "
+                f"count: {count}set them to 0 if not"
             )
         for drive in self.drives:
             gear, v = drive.transmission, drive.velocity_index

@@ -15,7 +15,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from tables import table
 
 import pinfric as pf
-from pinfric.errors import SceneError
+from pinfric.errors import PinfricWarning, SceneError
 from pinfric.model.entry import parse
 from pinfric.model.schema import Assumed
 
@@ -270,9 +270,24 @@ def turning(damping=0.0, friction=0.0, armature=0.0):
     return model
 
 
+def test_friction_that_a_model_has_is_said_as_the_scene_takes_it():
+    """A ball takes none; numbers are the model's own."""
+    model = chain(
+        ("ball", pin.JointModelSpherical(), lump(1.0, moment=1.0)),
+        ("hinge", pin.JointModelRZ(), lump(1.0, moment=1.0)),
+    )
+    model.damping[:], model.upperDryFrictionLimit[-1] = 0.25, 1.5
+    with pytest.warns(PinfricWarning, match=r"of ball\[0\], .*, hinge do not count") as said:
+        scene = pf.Scene(model)
+    (given,) = re.findall("give friction=(.*) if they should", str(said[0].message))
+    scene = scene.with_(friction=yaml.safe_load(given))
+    assert (scene.friction["hinge"].viscous.coefficient, scene.sites[0].name) == (0.25, "hinge")
+    assert scene.friction["hinge"].coulomb.kinetic == 1.5
+
+
 CASES = r"""
 {damping: 1.0}  null  0.0  model\.damping and model\.friction of hinge do not count
-{friction: 1.0}  null  0.0  'hinge do not count: give them as `friction`'
+{friction: 1.0}  null  0.0  "count: give friction={'hinge': {'coulomb': 1.0}} if they should; set"
 {damping: 1.0, friction: 1.0}  {coulomb: 5.0}  0.0      null
 {armature: 0.62}               null            6.1e-05  \(0\.61 kg .*\(0\.62\) count, 1\.23 together
 {armature: 0.62}               null            0.0      null
