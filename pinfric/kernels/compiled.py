@@ -3,41 +3,48 @@
 from __future__ import annotations
 
 import gc
-import hashlib
 import os
 import pickle
 import re
 import sys
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-from functools import cache
+from functools import cached_property
 from itertools import chain
 from pathlib import Path
-from typing import Any, Generic, TypeVar, cast
+from typing import Any, Generic
 
+import llvmlite
 import numba
 import numpy as np
 from llvmlite import binding as llvm
 from numba import typeof
-from numba.core import types
 from numba.core.bytecode import FunctionIdentity
 from numba.core.caching import FunctionCache, IndexDataCacheFile, NullCache
 from numba.core.codegen import CPUCodeLibrary
 from numba.core.dispatcher import Dispatcher, _FunctionCompiler  # type: ignore[attr-defined]
 from numba.core.types import unliteral
-from numba.experimental import structref
 
 from pinfric.errors import PinfricError, PinfricWarning
+from pinfric.kernels import records
 from pinfric.kernels.interpreted import CLOCK, interpreted, is_small
 from pinfric.kernels.progress import CompileProgress
+from pinfric.kernels.records import Fields, RecordType, boxed, described, record_type, refuse_lent
+from pinfric.kernels.stamp import SIZE, content, digest, stamp
 
-_DIGEST_SIZE = 16
 #: Of what the files hold, and of how kernels are compiled.
-_FORMAT = 2
+_FORMAT = 3
+#: What else makes a kernel what it is.
+_MADE_BY = (
+    _FORMAT,
+    numba.__version__,
+    llvmlite.__version__,
+    np.__version__,
+    content(records.__file__),
+)
 #: So many versions of a kernel's sources keep what was compiled from them.
 _KEPT = 8
-Fields = TypeVar("Fields", bound=tuple[Any, ...])
 
 
 #: The versions of numba that the tests have run with, from the first to below the second.
@@ -49,8 +56,7 @@ _INNER = {
     FunctionIdentity: ("_unique_ids",),
     Dispatcher: ("_compile_for_args", "compile", "get_call_template"),
     FunctionCache: ("load_overload", "save_overload", "_impl_class", "_index_key"),
-    IndexDataCacheFile: ("_dump", "_load_index", "_load_data", "_save_index"),
-    structref.StructRefProxy: ("_type",),
+    IndexDataCacheFile: ("_dump", "_load_index", "_load_data", "_save_index", "_save_data"),
 }
 
 
@@ -139,11 +145,11 @@ def _compiled(
 ) -> Callable[..., Any]:
     dispatcher: Callable[..., Any] = numba.njit(**options)(function)
     try:
-        cached: Any = _CheckedCache(function)
+        cached: Any = _CheckedCache(function, options)
         CLOCK.keep_in(cached.cache_path)
-        _KERNELS.setdefault(cached.index, dispatcher)
+        _KERNELS.setdefault(cached.name, []).append(dispatcher)
         compiler = dispatcher._compiler  # type: ignore[attr-defined]
-        compiler._compile_core = _as_kept(compiler._compile_core, cached.index)
+        compiler._compile_core = _as_kept(compiler._compile_core, cached)
     except RuntimeError:  # numba finds no folder to cache in (a read-only installation)
         cached = _NoCache(function)
     vars(dispatcher)["_cache"] = cached
@@ -167,16 +173,18 @@ def _compiled(
     return dispatcher
 
 
-def _as_kept(compile_core: Callable[..., Any], index: str) -> Callable[..., Any]:
+def _as_kept(compile_core: Callable[..., Any], cached: Any) -> Callable[..., Any]:
     """Compile without garbage collection, under one symbol in every process (`_Place`)."""
-    number = int.from_bytes(_digest(index.encode()))
 
     def run(*arguments: Any) -> Any:  # numba holds its lock
+        number = int.from_bytes(digest(cached.index.encode()))
         collects, numbers = gc.isenabled(), FunctionIdentity._unique_ids
         FunctionIdentity._unique_ids = chain([number], numbers)  # type: ignore[assignment]
         gc.disable()
         try:
-            return compile_core(*arguments)
+            compiled = compile_core(*arguments)
+            refuse_lent(compiled)
+            return compiled
         finally:
             FunctionIdentity._unique_ids = numbers
             if collects:
@@ -228,69 +236,10 @@ class _NoCache(NullCache):
         PROGRESS.end(self._function, compiled=True)
 
 
-def record(fields: type) -> Any:
-    """Return a function that makes a kernel's argument from a NamedTuple of the given class.
-
-    Passing a tuple from Python costs 0.1 us for each array in it, a record 0.5 us in all. A kernel
-    reads both in the same way, so an interpreted kernel takes the NamedTuple itself.
-    """
-    module, name = sys.modules[fields.__module__], fields.__name__
-
-    class Struct(types.StructRef):
-        def preprocess_fields(self, members: Any) -> Any:
-            return tuple((key, types.unliteral(kind)) for key, kind in members)
-
-    Struct.__name__ = Struct.__qualname__ = f"{name}Struct"  # where pickle, and so the cache,
-    Struct.__module__ = fields.__module__  # finds it
-    setattr(module, Struct.__name__, structref.register(Struct))
-    proxy: Any = type(
-        f"{name}Record",
-        (structref.StructRefProxy,),
-        {
-            "__slots__": (),
-            "__module__": fields.__module__,
-            "_numba_type_": vars(structref.StructRefProxy)["_type"],  # no property: 0.1 us less
-        },
-    )
-    setattr(module, proxy.__name__, proxy)
-    structref.define_constructor(proxy, Struct, vars(fields)["_fields"])
-    structref.define_boxing(Struct, proxy)
-
-    def box(values: Any) -> Any:
-        return proxy(*values)
-
-    box.__qualname__ = f"{name}Record"
-    _BOXES[fields] = _compiled(box, {"nogil": True}, waits=False)
-    return _BOXES[fields]
-
-
-#: Class -> function that makes its record.
-_BOXES: dict[type, Any] = {}
-
-
-def boxed(values: Fields, kept: Sequence[KernelArgument[Any]] = ()) -> Fields:
-    """Return the record of a NamedTuple, with records for those of its fields that have one.
-
-    Args:
-        values: the NamedTuple.
-        kept: its fields that have a record already.
-    """
-    known = {id(argument.given): argument for argument in kept}
-    parts = [
-        known[id(entry)].record()
-        if id(entry) in known
-        else boxed(entry)
-        if type(entry) in _BOXES
-        else entry
-        for entry in values
-    ]
-    return cast("Fields", _BOXES[type(values)](type(values)(*parts)))
-
-
 class KernelArgument(Generic[Fields]):
     """A permanent argument: a NamedTuple while kernels are interpreted, then its record.
 
-    The record is made at once if the function that makes it is compiled or cached.
+    The record is made at once if a kernel that takes it is cached.
 
     Args:
         given: the NamedTuple, an attribute.
@@ -306,7 +255,7 @@ class KernelArgument(Generic[Fields]):
     def record(self) -> Fields:
         """Return the record, made at the first call."""
         if self._boxed is None:
-            self._boxed = boxed(self.given, self._kept)
+            self._boxed = boxed(self.given, {id(one.given): one.record() for one in self._kept})
         return self._boxed
 
     @property
@@ -322,12 +271,26 @@ class KernelArgument(Generic[Fields]):
 
 
 def _is_kept(values: Any) -> bool:
-    """Whether the function that makes the record of a NamedTuple (or its first one) is compiled."""
-    inner = next((entry for entry in values if type(entry) in _BOXES), None)
-    if inner is not None:
-        return _is_kept(inner)
-    box = _BOXES[type(values)]  # a record is of one type always
-    return bool(box.overloads) or is_ready(box, (values,))
+    """Whether a kernel that takes the record of a NamedTuple is cached, or no time is left."""
+    if CLOCK.is_over():
+        return True
+    kind = record_type(values)
+    if kind not in _SEEN and _note(kind).exists():
+        _SEEN.add(kind)
+    return kind in _SEEN
+
+
+#: Types of records that a cached kernel takes.
+_SEEN: set[RecordType] = set()
+
+
+def _note(kind: RecordType) -> Path:
+    """The empty file that says that a kernel which takes such a record is cached."""
+    try:
+        folder = _Place(_note).locator.get_cache_path()
+    except RuntimeError:  # no folder is writable
+        folder = os.devnull
+    return Path(folder) / f"{kind.name}.kept"
 
 
 _Numba: Any = FunctionCache._impl_class
@@ -346,17 +309,17 @@ class _NamedFolder(_Named):
 #: A kernel with more LLVM instructions is called where it is; a smaller one is copied into its
 #: callers and compiled again with each, which may inline it.
 _COPIED = 500
-#: Index in the cache -> kernel.
-_KERNELS: dict[str, Any] = {}
-#: Symbol of a kernel that is called where it is -> its index, types of its arguments.
-_CALLED: dict[str, tuple[str, tuple[Any, ...]]] = {}
+#: Name -> kernels, which differ in their sources, options or outer variables.
+_KERNELS: dict[str, list[Any]] = {}
+#: Symbol of a kernel that is called where it is -> its name, index, types of its arguments.
+_CALLED: dict[str, tuple[str, str, tuple[Any, ...]]] = {}
 
 
 class _Place(_Numba):
     """What a file holds: a kernel, and the kernels that it calls, which must be loaded first."""
 
     _locator_classes = (_NamedFolder, *_Numba._locator_classes[1:])
-    index = ""
+    cache: Any
 
     def reduce(self, compiled: Any) -> Any:
         """Return what is pickled; from now on callers call a large kernel, without a copy of it."""
@@ -369,8 +332,8 @@ class _Place(_Numba):
     def rebuild(self, target_context: Any, content: Any) -> Any:
         """Return the kernel; None if one that it calls has changed or is missing in the cache."""
         called, kernel_itself = content
-        for symbol, index, types_ in called:
-            if not _is_loaded(symbol, index, types_, target_context):
+        for symbol, name, index, types_ in called:
+            if not _is_loaded(symbol, name, index, types_, target_context):
                 return None
         compiled = super().rebuild(target_context, kernel_itself)
         self._call(compiled)
@@ -380,13 +343,16 @@ class _Place(_Numba):
         library, symbol = compiled.library, compiled.fndesc.llvm_func_name
         blocks = library._get_module_for_linking().get_function(symbol).blocks
         if sum(1 for block in blocks for _ in block.instructions) > _COPIED:
-            _CALLED[symbol] = self.index, compiled.signature.args
+            _CALLED[symbol] = self.cache.name, self.cache.index, compiled.signature.args
             library._shared_module = llvm.parse_assembly("")  # callers declare what they call
 
 
-def _is_loaded(symbol: str, index: str, types_: tuple[Any, ...], target_context: Any) -> bool:
+def _is_loaded(
+    symbol: str, name: str, index: str, types_: tuple[Any, ...], target_context: Any
+) -> bool:
     """Load a kernel, and return whether it has this symbol: LLVM ends the process at another."""
-    dispatcher = _KERNELS.get(index)
+    found = (kernel for kernel in _KERNELS.get(name, ()) if kernel._cache.index == index)
+    dispatcher = next(found, None)
     if dispatcher is None:
         return False
     if types_ not in dispatcher.overloads:
@@ -404,24 +370,38 @@ class _CheckedCache(FunctionCache):
     """Numba's cache with digests of its files: a damaged kernel is compiled again, never run.
 
     Numba unpickles any file: a truncated one raises EOFError, and machine code with a flipped bit
-    is executed. Numba notices only edits of a kernel's own file; here edits of the kernels that it
-    calls, and of the constants in their modules, count as well.
+    is executed. Numba notices only edits of a kernel's own file; here an edit counts that changes
+    what a kernel or one that it calls computes (`stamp`).
+
+    Attributes:
+        name: of the kernel and of Python's version.
     """
 
     _impl_class = _Place
 
-    def __init__(self, function: Callable[..., Any]) -> None:
+    def __init__(self, function: Callable[..., Any], options: dict[str, Any]) -> None:
         super().__init__(function)
-        self._function = function
+        self._function, self._options, self._impl.cache = function, options, self
         name = f"{function.__module__}.{function.__qualname__}.{sys.implementation.cache_tag}"
-        stamp = numba.__version__, _FORMAT, _source_stamp(function)
-        self._cache_file = _CheckedFile(self.cache_path, re.sub("[^.\\w]", "", name), stamp)
-        self.index = self._impl.index = self._cache_file._index_name
+        self.name = re.sub("[^.\\w]", "", name)
+        del self._cache_file  # numba's own
+
+    @cached_property
+    def _cache_file(self) -> Any:  # type: ignore[override]
+        """Made at the first call: a kernel may use names that its module defines later."""
+        return _CheckedFile(
+            self.cache_path, self.name, (*_MADE_BY, stamp(self._function, self._options))
+        )
+
+    @property
+    def index(self) -> str:
+        """The name of its index in the cache, unlike that of other sources."""
+        return str(self._cache_file._index_name)
 
     def _index_key(self, sig: Any, codegen: Any) -> Any:
         """Return numba's key with texts for types: of a NamedTuple numba notes its class alone."""
         _, target, code = super()._index_key(sig, codegen)
-        return tuple(map(_described, getattr(sig, "args", sig))), target, code
+        return tuple(map(described, getattr(sig, "args", sig))), target, code
 
     def kept(self, sig: Any, target_context: Any) -> Any:
         """Return the cached kernel for arguments of these types, or None."""
@@ -442,50 +422,9 @@ class _CheckedCache(FunctionCache):
         PROGRESS.end(self._function, compiled=True)
         with suppress(OSError):
             super().save_overload(sig, data)
-
-
-def _described(kind: Any) -> str:
-    """Return a type as text with the names of fields in their order: kernels read them by place."""
-    of: Any = getattr(kind, "instance_class", type(kind))
-    if isinstance(kind, types.StructRef):
-        fields = dict(kind.field_dict)
-    elif isinstance(kind, types.BaseTuple):
-        parts: Any = kind
-        fields = dict(zip(getattr(of, "_fields", range(len(parts))), parts, strict=True))
-    else:
-        return str(kind)
-    inner = ", ".join(f"{name}: {_described(part)}" for name, part in fields.items())
-    return f"{of.__module__}.{of.__qualname__}({inner})"
-
-
-def _source_stamp(function: Callable[..., Any]) -> tuple[Any, ...]:
-    """Files, constants and names of fields of a kernel and its callees: its code follows them."""
-    here = function.__globals__
-    reached = {here["__name__"]: here}
-    for names in (queue := [here]):  # grows while it is walked
-        for callee in list(names.values()):
-            if isinstance(callee, Dispatcher):
-                there = callee.py_func.__globals__
-                if there["__name__"] not in reached:
-                    reached[there["__name__"]] = there
-                    queue.append(there)
-    stamp: list[Any] = []
-    for name in sorted(reached):
-        names = reached[name]
-        file = names["__file__"]
-        constants = [
-            (key, getattr(value, "_fields", value))
-            for key, value in sorted(names.items())
-            if (isinstance(value, int | float) or hasattr(value, "_fields"))
-            and not key.startswith("__")
-        ]
-        stamp.append((name, _content(file, Path(file).stat().st_mtime_ns), constants))
-    return tuple(stamp)
-
-
-@cache
-def _content(file: str, changed_at: int) -> bytes:
-    return _digest(Path(file).read_bytes())
+            for kind in data.signature.args:
+                if isinstance(kind, RecordType):
+                    _note(kind).touch()
 
 
 class _CheckedFile(IndexDataCacheFile):
@@ -495,8 +434,14 @@ class _CheckedFile(IndexDataCacheFile):
     """
 
     def __init__(self, folder: str, name: str, stamp: tuple[Any, ...]) -> None:
-        super().__init__(folder, f"{name}.{_digest(repr(stamp).encode()).hex()}", None)
-        self._of_all_sources = f"{name}.{'[0-9a-f]' * 2 * _DIGEST_SIZE}.nbi"
+        super().__init__(folder, f"{name}.{digest(repr(stamp).encode()).hex()}", None)
+        self._of_all_sources = f"{name}.{'[0-9a-f]' * 2 * SIZE}.nbi"
+
+    def save(self, key: Any, data: Any) -> None:
+        """Save a kernel. Numba numbers files: of two processes one may overwrite the other's."""
+        name = f"{Path(self._index_path).stem}.{digest(repr(key).encode()).hex()}.nbc"
+        self._save_data(name, data)
+        self._save_index({**self._load_index(), key: name})
 
     def _save_index(self, overloads: Any) -> None:
         """Save the index; keep only the `_KEPT` last used ones of this kernel."""
@@ -510,7 +455,7 @@ class _CheckedFile(IndexDataCacheFile):
 
     def _dump(self, content: Any) -> bytes:
         body: bytes = super()._dump(content)
-        return body + _digest(body)
+        return body + digest(body)
 
     def _load_index(self) -> dict[Any, Any]:
         version = pickle.dumps(self._version, protocol=-1)  # begins every index, see numba
@@ -530,11 +475,11 @@ class _CheckedFile(IndexDataCacheFile):
         Also None if it names a class that no longer exists.
         """
         try:
-            content = Path(path).read_bytes()
+            whole = Path(path).read_bytes()
         except OSError:  # not there yet, or another process has just removed it
             return None
-        body, digest = content[start:-_DIGEST_SIZE], content[-_DIGEST_SIZE:]
-        if _digest(body) == digest:
+        body = whole[start:-SIZE]
+        if digest(body) == whole[-SIZE:]:
             with suppress(AttributeError, ImportError):
                 return pickle.loads(body)
             return None
@@ -546,7 +491,3 @@ class _CheckedFile(IndexDataCacheFile):
         with suppress(OSError):
             os.unlink(path)
         return None
-
-
-def _digest(body: bytes) -> bytes:
-    return hashlib.blake2b(body, digest_size=_DIGEST_SIZE).digest()

@@ -18,7 +18,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pinfric.kernels.compiled import kernel, record
+from pinfric.kernels.compiled import kernel
+from pinfric.kernels.records import record
 from pinfric.model.drives import Gears, gear_drag, gear_line
 from pinfric.model.laws import Laws, law_at
 

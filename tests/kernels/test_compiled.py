@@ -49,11 +49,12 @@ def all_four(x):
 """
 FIELDS = """
 from fields_of_a_test import Pair
-from pinfric.kernels.compiled import kernel, record
+from pinfric.kernels.compiled import kernel
+from pinfric.kernels.records import record
 
 @kernel
 def of_argument(pair):
-    return pair.first - pair.second
+    return pair.first[0] - pair.second[0]
 
 @kernel
 def of_several(pairs):
@@ -386,3 +387,152 @@ def test_what_is_left_to_compile_is_what_a_root_reaches_and_the_cache_lacks(monk
     assert said.line() == f"{went}, about {8 * left:.0f} s"
     said.on_end(None)
     assert "0 to go" in said.line()
+
+
+LENDS = """
+from typing import NamedTuple
+import numpy as np
+from pinfric.kernels.compiled import kernel
+from pinfric.kernels.records import record
+
+class Held(NamedTuple):
+    x: np.ndarray
+    count: int
+
+box = record(Held)
+
+@kernel
+def lends(held):
+    return held.x[1:]
+
+@kernel
+def lends_beside(held):
+    return held.count, (held.x, 1.0)
+
+@kernel
+def adds(held, out):
+    out[:] = held.x
+    return held.count + out.sum()
+"""
+
+
+def test_a_kernel_that_returns_an_array_of_a_record_is_refused(tmp_path, monkeypatch):
+    """The array would have no owner: a record counts no references."""
+    monkeypatch.setattr("numba.config.CACHE_DIR", str(tmp_path / "cache"))
+    module = ModuleType("lends_of_a_test")
+    module.__file__ = str(tmp_path / "lends_of_a_test.py")
+    Path(module.__file__).write_text(LENDS)
+    monkeypatch.setitem(sys.modules, module.__name__, module)
+    exec(compile(LENDS, module.__file__, "exec"), vars(module))
+    held = module.box(module.Held(np.array([1.0, 2.0]), 3))
+    for name in "lends", "lends_beside":
+        with pytest.raises(PinfricError, match=f"kernel {name}: takes a record and returns an arr"):
+            getattr(module, name)(held)
+        assert not getattr(module, name).overloads
+    out = np.zeros(2)
+    assert module.adds(held, out) == 6.0
+    assert (out == [1.0, 2.0]).all()
+
+
+EDITED = {
+    "constants_of_a_test": """
+FACTOR, BESIDE, TABLE = 2.0, 1.0, (1.0, 2.0)
+""",
+    "callees_of_a_test": '''
+from typing import NamedTuple
+from constants_of_a_test import BESIDE, TABLE
+from pinfric.kernels.compiled import kernel
+
+class Two(NamedTuple):
+    """Built in a kernel."""
+    one: float
+    other: float
+
+@kernel
+def swapped(x):
+    """One sentence."""
+    return Two(1.0, x)
+
+@kernel
+def beside(x):
+    return x + BESIDE
+''',
+    "kernels_of_a_test": '''
+from callees_of_a_test import beside, swapped
+from constants_of_a_test import FACTOR, TABLE
+from pinfric.kernels.compiled import kernel
+
+def in_python(x):
+    return x + 1
+
+@kernel
+def whole(x):
+    """A docstring."""
+    return FACTOR * swapped(x).other + TABLE[0] + LATER
+
+@kernel
+def apart(x):
+    return beside(x)
+
+LATER = 0.5
+''',
+}
+
+
+@pytest.mark.parametrize(
+    ("of", "old", "new", "answer", "hit"),
+    [
+        ("kernels", "A docstring", "Another one, longer", 7.5, 1),
+        ("kernels", "@kernel\ndef whole", "# a comment\n\n\n@kernel\ndef whole", 7.5, 1),
+        ("kernels", "return x + 1", "return x + 2", 7.5, 1),
+        ("kernels", "return beside(x)", "return beside(x) + 1", 7.5, 1),
+        ("callees", "One sentence", "Two of them", 7.5, 1),
+        ("callees", "x + BESIDE", "x - BESIDE", 7.5, 1),
+        ("constants", "BESIDE, TABLE = 2.0, 1.0", "BESIDE, TABLE = 2.0, 3.0", 7.5, 1),
+        ("constants", "FACTOR, BESIDE, TABLE = 2.0", "FACTOR, BESIDE, TABLE = 3.0", 10.5, 0),
+        ("constants", "(1.0, 2.0)", "(4.0, 2.0)", 10.5, 0),
+        ("kernels", "LATER = 0.5", "LATER = 1.5", 8.5, 0),
+        ("kernels", "FACTOR * ", "FACTOR + ", 6.5, 0),
+        ("callees", "Two(1.0, x)", "Two(x, 1.0)", 3.5, 0),
+        ("callees", "one: float\n    other", "other: float\n    one", 3.5, 0),
+    ],
+)
+def test_only_edits_that_change_what_a_kernel_computes_compile_it(
+    of, old, new, answer, hit, tmp_path, monkeypatch
+):
+    monkeypatch.setattr("numba.config.CACHE_DIR", str(tmp_path / "cache"))
+    found = []
+    for edited in False, True:
+        for name, text in EDITED.items():
+            if edited and name.startswith(of):
+                assert text.count(old) == 1
+                text = text.replace(old, new)
+            module = ModuleType(name)
+            module.__file__ = str(tmp_path / f"{name}.py")
+            Path(module.__file__).write_text(text)
+            monkeypatch.setitem(sys.modules, name, module)
+            exec(compile(text, module.__file__, "exec"), vars(module))
+        result = call_compiled(module.whole, 3.0)
+        found.append((result, sum(module.whole._cache_hits.values())))
+    assert found == [(7.5, 0), (answer, hit)]
+
+
+def test_a_kernel_that_another_process_saves_at_the_same_time_is_not_taken_for_it(tmp_path):
+    """Both have read the same index, and each writes its own."""
+    one, other = (compiled._CheckedFile(str(tmp_path), "kernel", ("sources",)) for _ in range(2))
+    write = one._save_data
+    one._load_index = other._load_index = dict
+
+    def meanwhile(name, data):
+        other.save("integers", 2)
+        write(name, data)
+
+    one._save_data = meanwhile
+    one.save("floats", 1.0)
+    third = compiled._CheckedFile(str(tmp_path), "kernel", ("sources",))
+    assert third.load("floats") in (1.0, None)
+    assert third.load("integers") in (2, None)
+    assert {third.load("floats"), third.load("integers")} != {None}
+    third.save("integers", 2)
+    third.save("floats", 1.0)
+    assert (third.load("floats"), third.load("integers")) == (1.0, 2)

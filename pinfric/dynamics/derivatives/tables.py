@@ -8,7 +8,7 @@ import numpy as np
 
 from pinfric.dynamics.problem.machine import Machine
 from pinfric.kernels.arrays import array, make
-from pinfric.kernels.compiled import record
+from pinfric.kernels.records import record
 from pinfric.model.drives import Gears, lossy_gears
 from pinfric.model.scene import Scene, SiteTables
 from pinfric.model.twin import Twin

@@ -24,7 +24,8 @@ import numpy as np
 from pinfric.dynamics.problem.accelerations import is_normalized
 from pinfric.dynamics.problem.machine import ChainState, read_sites
 from pinfric.errors import PinfricError, StateError
-from pinfric.kernels.compiled import kernel, record
+from pinfric.kernels.compiled import kernel
+from pinfric.kernels.records import record
 from pinfric.model.arrays import real_numbers
 from pinfric.model.bearings import normal_loads
 from pinfric.model.couples import delivery, rate_rows, taking_part

@@ -48,7 +48,8 @@ from pinfric.dynamics.samples.outcome import Status
 from pinfric.dynamics.samples.reactions import AppliedWrench, applied_wrenches, external_frame
 from pinfric.dynamics.samples.states import States, one_of, vector
 from pinfric.errors import PinfricError
-from pinfric.kernels.compiled import compile_for, compiling, kernel, record
+from pinfric.kernels.compiled import compile_for, compiling, kernel
+from pinfric.kernels.records import record
 from pinfric.model.drives import Gears, joint_effort_ends, write_motor_torques
 from pinfric.model.entry import parse
 from pinfric.model.magnitudes import LARGEST_OF_A_MOTION

@@ -36,7 +36,8 @@ from pinfric.friction.problem import Problem
 from pinfric.friction.rest import connected
 from pinfric.friction.several import from_many_starts
 from pinfric.kernels.arrays import array, make
-from pinfric.kernels.compiled import KernelArgument, inlined_kernel, kernel, record
+from pinfric.kernels.compiled import KernelArgument, inlined_kernel, kernel
+from pinfric.kernels.records import record
 
 #: Choices of one sample that are all solved: 2^12, with a ball 2^8; nodes of branch and bound.
 ENUMERATED, ENUMERATED_BALLS, NODES = 4096, 256, 4096

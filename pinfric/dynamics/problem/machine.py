@@ -17,7 +17,8 @@ from pinfric.dynamics.samples.reactions import AppliedWrench
 from pinfric.dynamics.samples.states import unit_parts
 from pinfric.friction.problem import Modes, Problem, empty_problem
 from pinfric.kernels.arrays import array, make, rows_of
-from pinfric.kernels.compiled import KernelArgument, kernel, record
+from pinfric.kernels.compiled import KernelArgument, kernel
+from pinfric.kernels.records import record
 from pinfric.model.closure import tree_tables
 from pinfric.model.drives import most_lines
 from pinfric.model.magnitudes import LARGEST_OF_A_MOTION

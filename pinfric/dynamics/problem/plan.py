@@ -14,7 +14,8 @@ from typing import NamedTuple, TypeVar, cast
 
 import numpy as np
 
-from pinfric.kernels.compiled import KernelArgument, record
+from pinfric.kernels.compiled import KernelArgument
+from pinfric.kernels.records import record
 from pinfric.model.closure import actions_of
 from pinfric.model.couples import delivery, rate_rows
 from pinfric.model.drives import Gears, gear_table, lossy_gears
