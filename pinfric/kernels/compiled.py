@@ -13,7 +13,7 @@ from contextlib import contextmanager, suppress
 from functools import cached_property
 from itertools import chain
 from pathlib import Path
-from typing import Any, Generic
+from typing import Any, Generic, cast
 
 import llvmlite
 import numba
@@ -108,6 +108,16 @@ def call_compiled(kernel: Any, *arguments: Any) -> Any:
 def compile_for(kernel: Any, *arguments: Any) -> None:
     """Compile a kernel for arguments like these, without calling it."""
     kernel.compile(tuple(typeof(argument) for argument in arguments))
+
+
+def entry_point(kernel: Any, *arguments: Any) -> Callable[..., Any]:
+    """Return a kernel as compiled for arguments like these, which does not look at their types.
+
+    A call takes 0.5 us, and 2 us with numba's look at five arguments.
+    """
+    compile_for(kernel, *arguments)
+    types_ = tuple(typeof(argument) for argument in arguments)
+    return cast("Callable[..., Any]", kernel.overloads[types_].entry_point)
 
 
 @contextmanager

@@ -34,14 +34,18 @@ State = tuple[np.ndarray, np.ndarray, np.ndarray, list[AppliedWrench] | None, fl
 
 
 class Failures:
-    """The errors of a workspace's scene."""
+    """The errors of a workspace's scene.
+
+    Attributes:
+        guides: bearings that cannot carry a moment about their axis: site, axis, lever.
+    """
 
     def __init__(self, scene: Scene, machine: Machine, given: str, count: SearchStatistics) -> None:
         """Take the scene, its tables and buffers; `given` is "effort" or "motor_torque"."""
         self._scene, self._machine, self._given = scene, machine, given
         self._count = count
         self._plan, self._modes, plan = machine.plan, machine.modes, machine.plan
-        self._guides = [
+        self.guides = [
             (int(s), scene.sites[s].axis.tolist(), float(plan.sites.roll_lever[s]))
             for s in plan.sites.guides
         ]
@@ -55,7 +59,7 @@ class Failures:
         Raises:
             RollMomentError: see there.
         """
-        for s, (x, y, z), lever in self._guides:
+        for s, (x, y, z), lever in self.guides:
             fx, fy, fz, mx, my, mz = wrench[s].tolist()
             roll = mx * x + my * y + mz * z
             if abs(roll) > 1e-9 * (hypot(mx, my, mz) + lever * hypot(fx, fy, fz)):

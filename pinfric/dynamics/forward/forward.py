@@ -232,7 +232,17 @@ def solve_state(
         See `forward_dynamics`.
     """
     q, v = vector("q", q, ws.nq, "nq", ws.scene.model), vector("v", v, ws.nv, "nv")
-    effort = drive_vector(ws, effort)
+    solve_checked(ws, q, v, drive_vector(ws, effort), applied)
+
+
+def solve_checked(
+    ws: Workspace,
+    q: np.ndarray,
+    v: np.ndarray,
+    effort: np.ndarray,
+    applied: list[AppliedWrench] | None,
+) -> None:
+    """`solve_state` of arrays as kernels take them, with `effort` as of `drive_vector`."""
     if not ws.must_project and ws.slides(q, v, effort, applied, FREE):
         return
     held = ws.held.size > 0
@@ -256,7 +266,8 @@ def solve_state(
         ws.solve(q, v, effort, applied)
     if held:
         ws.check_held(ws.a)
-    ws.failures.check_roll_moments(ws.wrench)
+    if ws.failures.guides:
+        ws.failures.check_roll_moments(ws.wrench)
 
 
 def solution(ws: Workspace) -> Instant:
@@ -309,4 +320,4 @@ def drive_vector(ws: Workspace, given: Any) -> np.ndarray:
     if type(given) is not np.ndarray and isinstance(given, Mapping):
         given = by_name(ws.scene.actuator_names, given, ws.given)
     array = vector(ws.given, given, ws.na, "na")
-    return array * ws.plan.drives.gears.ratio if ws.given == "motor_torque" else array
+    return array * ws.ratio if ws.given == "motor_torque" else array

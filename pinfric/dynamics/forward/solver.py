@@ -36,7 +36,7 @@ from pinfric.dynamics.forward.compensation import (
     make_compensated,
     reach,
 )
-from pinfric.dynamics.forward.forward import Instant, solution, solve_state
+from pinfric.dynamics.forward.forward import Instant, solution, solve_checked, solve_state
 from pinfric.dynamics.forward.workspace import Workspace, closed_configuration, rehearse
 from pinfric.dynamics.inverse.linkage import solve_linkage
 from pinfric.dynamics.inverse.tree import check_finite, solve_tree
@@ -48,7 +48,7 @@ from pinfric.dynamics.samples.outcome import Status
 from pinfric.dynamics.samples.reactions import AppliedWrench, applied_wrenches, external_frame
 from pinfric.dynamics.samples.states import States, one_of, vector
 from pinfric.errors import PinfricError
-from pinfric.kernels.compiled import compile_for, compiling, kernel
+from pinfric.kernels.compiled import compile_for, compiling, entry_point, kernel
 from pinfric.kernels.records import record
 from pinfric.model.drives import Gears, joint_effort_ends, write_motor_torques
 from pinfric.model.entry import parse
@@ -56,6 +56,8 @@ from pinfric.model.magnitudes import LARGEST_OF_A_MOTION
 from pinfric.model.scene import Scene, SiteTables, expect_scene, payload_names
 from pinfric.model.schema import Friction
 
+#: Of an array of floats that lie next to each other: what kernels and Pinocchio take as it is.
+_FLOAT, _NEXT = np.dtype(float), (8,)
 #: Of `Solver._compensate`: the names of a motion's parts, and its kernel's `given`.
 _MOTION = ("v", "a", "v_ref", "error", "v_now")
 _DEFAULT = CompensationOptions()
@@ -235,12 +237,13 @@ def make_sample(ws: Workspace, scene: Scene) -> Sample:
 
 
 class _Sample:
-    """A sample, the views of its state, what the kernel takes, and what `inverse` returns."""
+    """A sample, the views of its state, the kernel, what it takes, and what `inverse` returns."""
 
     def __init__(self, ws: Workspace, scene: Scene) -> None:
         self.whole = x = make_sample(ws, scene)
         self.q, self.v, self.a = x.q, x.v[0], x.a[0]
-        self.argument = box_sample(x)
+        self.argument, one = box_sample(x), np.zeros(ws.nv)
+        self.finish = entry_point(finish_sample, self.argument, self.q, one, one)
         fields = x.found._asdict() | x._asdict()
         figures = {name: fields[name][0] for name in InverseInstant._fields[:-2]}
         self.found = InverseInstant(**figures, gear_ratio=x.gears.ratio, status=Status.CONVERGED)
@@ -330,6 +333,8 @@ class _Buffers(threading.local):
     ) -> None:
         ws = Workspace(scene, carried) if base is None else base.both[0]
         self.given = {False: ws} if base is None else {}
+        if base is None:
+            ws.call_directly()
         rubs = np.isin(scene.site_tables.velocity_index, scene.mobility.undriven).any()
         sample = _Sample(ws, scene) if scene.own_drives and not rubs else None
         self.both: tuple[Workspace, _Sample | None] = ws, sample
@@ -371,7 +376,6 @@ class Solver:
         rehearse(Workspace(self.scene, self._carried))
         ws, x = self._own.both
         if x is not None:
-            compile_for(finish_sample, x.argument, x.q, x.v, x.a)
             for name in self.scene.joint_names[-1:]:
                 self._balance(ws, x.q, x.v, x.a, {name: np.zeros(6)})
             return
@@ -437,16 +441,24 @@ class Solver:
         if x is None:
             applied = [] if external is None else applied_wrenches(self.scene, external, 1)
             return self._inverse_of_batch(q, v, a, applied)
-        q = vector("q", q, ws.nq, "nq", self.scene.model)
-        v, a = vector("v", v, ws.nv, "nv"), vector("a", a, ws.nv, "nv")
+        if not (
+            type(q) is type(v) is type(a) is np.ndarray
+            and q.dtype is v.dtype is a.dtype is _FLOAT
+            and q.strides == v.strides == a.strides == _NEXT
+            and q.shape == ws.shapes[0]
+            and v.shape == a.shape == ws.shapes[1]
+        ):
+            q = vector("q", q, ws.nq, "nq", self.scene.model)
+            v, a = vector("v", v, ws.nv, "nv"), vector("a", a, ws.nv, "nv")
         self._balance(ws, q, v, a, external)
-        while not finish_sample(x.argument, q, v, a):
+        while not x.finish(x.argument, q, v, a):
             if self.scene.mobility.undriven:  # says what is wrong, or that it is rounding
                 applied = [] if external is None else applied_wrenches(self.scene, external, 1)
                 return self._inverse_of_batch(q, v, a, applied)
             q = self._normalize(x)
             self._balance(ws, q, v, a, external)
-        ws.failures.check_roll_moments(x.found.wrench)
+        if ws.failures.guides:
+            ws.failures.check_roll_moments(x.found.wrench)
         return x.found
 
     def _balance(
@@ -523,10 +535,20 @@ class Solver:
         Raises:
             See `forward_dynamics`.
         """
-        given = one_of("Solver.forward", effort, motor_torque)
-        ws = self._workspace(motors=effort is None)
+        given = effort if motor_torque is None else motor_torque
+        if (effort is None) == (motor_torque is None):
+            one_of("Solver.forward", effort, motor_torque)  # refuses it
+        ws = self._own.given.get(effort is None) or self._workspace(effort is None)
         applied = None if external is None else applied_wrenches(self.scene, external, 1)
-        solve_state(ws, q, v, given, applied)
+        if (
+            type(q) is type(v) is type(given) is np.ndarray
+            and q.dtype is v.dtype is given.dtype is _FLOAT
+            and q.strides == v.strides == given.strides == _NEXT
+            and (q.shape, v.shape, given.shape) == ws.shapes
+        ):
+            solve_checked(ws, q, v, given if effort is not None else ws.ratio * given, applied)
+        else:
+            solve_state(ws, q, v, given, applied)
         return solution(ws)
 
     def inverse_derivatives(
@@ -642,6 +664,7 @@ class Solver:
         if motors not in workspaces:
             with compiling():
                 workspaces[motors] = Workspace(self.scene, self._carried, motors=motors)
+                workspaces[motors].call_directly()
         return workspaces[motors]
 
     def _differentiator(self, motors: bool) -> Differentiator:

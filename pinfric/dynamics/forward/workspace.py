@@ -42,7 +42,7 @@ from pinfric.friction.minimax import least_violation
 from pinfric.friction.problem import GivenModes, Modes, Problem, SearchOutcome
 from pinfric.friction.rest import Mechanism, solve_modes
 from pinfric.friction.search import SearchStatistics, search, solve_given
-from pinfric.kernels.compiled import KernelArgument, compile_for, compiling
+from pinfric.kernels.compiled import KernelArgument, compile_for, compiling, entry_point
 from pinfric.model.closure import guesses
 from pinfric.model.drives import slope_range
 from pinfric.model.massless import massless
@@ -74,6 +74,7 @@ class Workspace:
         a, effort, phi, load, wrench, multipliers, least, most, site_modes: see `Results`.
         forces: (ns, 6) `wrench` after `slides`, of Pinocchio's own; None: it never does.
         views: what `forward.solution` returns then, beside accelerations; empty at first.
+        shapes: of q, v and effort. ratio: (na,) of the drives.
         locked: whether sticking coordinates prevent all motion (known where loops close).
         held: velocities that move no mass (`model.massless`): as if locked, see `check_held`.
         places: (name, coordinate, whether it is a ball) of all that can stick: sites, then gears on
@@ -123,6 +124,10 @@ class Workspace:
         of = drives.gear_coordinate.tolist()
         self.places += [(scene.drives[of.index(c)].name, c, False) for c in self._alone.tolist()]
         self._tau, self._free = m.scratch.given, self._free_model()
+        self._solve_instant: Any = solve_instant
+        self._slide_freely: Any = slide_freely
+        self.shapes, self.ratio = ((self.nq,), (self.nv,), (self.na,)), drives.gears.ratio
+        self._deliver: Any = deliver
         self.state: State
         self.count = SearchStatistics()
         self.failures = Failures(scene, m, self.given, self.count)
@@ -137,6 +142,15 @@ class Workspace:
         if all(drive.transmission for drive in self.scene.drives):
             calls.append((deliver, (self.argument, self._tau)))
         return calls
+
+    def call_directly(self) -> None:
+        """Call kernels without numba's look at the types of arguments, which are always as here."""
+        v, given = np.zeros(self.nv), np.zeros(self.na)
+        state = self._argument.record(), np.zeros(self.nq), v, given
+        self._solve_instant = entry_point(solve_instant, *state, 0.0, FREE)
+        for kernel, arguments in self.kernels_of_sliding():
+            name = "_deliver" if kernel is deliver else "_slide_freely"
+            setattr(self, name, entry_point(kernel, *arguments))
 
     def renew(self) -> None:
         """Forget all solutions, so that the next one does not depend on them."""
@@ -209,14 +223,14 @@ class Workspace:
             return False
         machine, armature, tries = self._argument.now, self._armature, 0
         while True:
-            if tries == _LINES or not slide_freely(machine, v, effort, choice):
+            if tries == _LINES or not self._slide_freely(machine, v, effort, choice):
                 return False
             if armature is not None:
                 armature[:] = self.machine.maps.push
             a = pin.aba(self._free, self.pinocchio.data, q, v, self._tau)
             if not hypot(*a.tolist()) < _FASTEST:
                 return False
-            if armature is None or deliver(machine, a):
+            if armature is None or self._deliver(machine, a):
                 break
             tries += 1
         self.a = a
@@ -346,7 +360,7 @@ class Workspace:
         if choice != UNSOLVED:
             self.count.many, self.count.tried, self.locked = (1, 1), 1, False
         self.pinocchio.at(q, v, applied)
-        refused, solutions, obeying, resting = solve_instant(
+        refused, solutions, obeying, resting = self._solve_instant(
             self.argument, q, v, effort, step, choice
         )
         if refused == 0 and choice != UNSOLVED:
