@@ -236,7 +236,7 @@ def choice_of_sample(
     choice.code[:] = code
     solutions = solve_choice(search, 0)
     stuck, rows = np.zeros(ns, dtype=bool), np.empty((0, 3))
-    return tables, solutions, reduce_problem(problem_of(search), stuck, choice.way, rows)[1]
+    return tables, solutions, reduce_problem(problem_of(tables), stuck, choice.way, rows)[1]
 
 
 @inlined_kernel
@@ -351,7 +351,7 @@ def solve_choice(search: Search, i: int) -> int:
         for s in range(site.size):
             x[0, s] = -way[s] * coulomb[s, 0]
     elif not _descend(search):
-        problem = problem_of(search), np.zeros(way.size, np.bool_), way, np.empty((0, 3))
+        problem = _problem_within(search), np.zeros(way.size, np.bool_), way, np.empty((0, 3))
         solutions = solve_given_modes(*problem, np.full(1, np.nan), x, figures)
         if solutions < 2 and figures[0] >= 1.0:
             reduced = reduce_problem(*problem)[1]
@@ -364,7 +364,6 @@ def solve_choice(search: Search, i: int) -> int:
     return solutions
 
 
-@kernel
 def problem_of(search: Search) -> Problem:
     """Return a choice for `given_modes`; sites are coordinates."""
     choice, ns = search.choice, search.choice.code.size
@@ -387,6 +386,9 @@ def problem_of(search: Search) -> Problem:
         gear_lines=np.zeros((0, 4, 1, 3)),
         gear_held=np.zeros((0, 3, 2)),
     )
+
+
+_problem_within = inlined_kernel(problem_of)
 
 
 @kernel
@@ -646,7 +648,8 @@ def _branch(search: Search, i: int) -> bool:
             node = nodes[height].copy()
             if solved == search.choice.most[2]:
                 return False
-            known, gains = _guess(search, i, node, U)
+            gains = np.zeros(node.size)
+            known = _guess(search, i, node, U, gains)
             if not known:
                 return False
             _evaluate(search, i, -1, 0)
@@ -666,14 +669,17 @@ def _branch(search: Search, i: int) -> bool:
 
 
 @kernel
-def _guess(search: Search, i: int, node: np.ndarray, U: np.ndarray) -> tuple[bool, np.ndarray]:
+def _guess(search: Search, i: int, node: np.ndarray, U: np.ndarray, gains: np.ndarray) -> bool:
     """Guess the limits of a node (ns,) where U times the friction is greatest.
 
+    Args:
+        gains: (ns,) the most that each other limit gains, overwritten.
+
     Returns:
-        Whether the bounds hold; (ns,) the most that each other limit gains.
+        Whether the bounds hold.
     """
     choice, law = search.choice, search.law
-    ends, gains = np.empty((4, node.size)), np.zeros(node.size)
+    ends = np.empty((4, node.size))
     for s in range(node.size):
         site = search.island.site[s]
         for side in range(2):
@@ -690,7 +696,7 @@ def _guess(search: Search, i: int, node: np.ndarray, U: np.ndarray) -> tuple[boo
             up = slopes.least[s] + slopes.greatest[s] > 0.0
             choice.code[s] = UPPER if up else LOWER
             gains[s] = slopes.width[s] * max(-slopes.least[s] if up else slopes.greatest[s], 0.0)
-    return known, gains
+    return known
 
 
 @kernel
