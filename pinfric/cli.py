@@ -258,7 +258,7 @@ def paper(
 
 @app.command(short_help="Size the drives for a cycle that repeats, or for a rating.")
 @takes_logs
-def size(
+def size(  # noqa: PLR0913 - options
     *,
     scene_name: SceneName,
     trajectory_name: OneCycle = None,
@@ -276,6 +276,10 @@ def size(
     condition: Annotated[
         list[str] | None,
         option("A condition in place of the catalogue's.", "KEY=VALUE", "--condition"),
+    ] = None,
+    take: Annotated[
+        list[str] | None,
+        option("The drive that a joint gets, named as the page does.", "JOINT=NAME", "--take"),
     ] = None,
     out: OutFolder = None,
     as_json: AsJson = False,
@@ -332,6 +336,8 @@ def size(
             return text
 
     conditions = pairs(condition, "--condition", number_or_name)
+    if taken := pairs(take, "--take", str):
+        conditions = {**(conditions or {}), "take": taken}
     asked = _nested(pairs(rating, "--rating", number_or_name)) if rating else None
     with working(f"sizing {len(scene.drives)} drives"):
         report = size(scene, duty, catalog, rating=asked, conditions=conditions, on_miss="ignore")

@@ -191,7 +191,8 @@ def pairs(texts: Sequence[str] | None, option: str, kind: Callable[[str], Any]) 
         pair for text in texts or () for pair in (text.split(",") if kind is number_of else [text])
     ]
     for text in listed:
-        name, equals, value = text.strip().rpartition("=")
+        split = text.strip().partition if kind is str else text.strip().rpartition
+        name, equals, value = split("=")  # names of products have signs of equality
         try:
             values[name] = kind(value)
         except ValueError:

@@ -800,6 +800,8 @@ class Brake(HoldingBrake, Sourced):
 class Amplifier(Sourced):
     """An amplifier (servo drive), which feeds one motor."""
 
+    min_voltage: Positive | None = optional("lowest of its DC bus", 10.0, "V")
+    max_voltage: Positive | None = optional("highest of its DC bus", 50.0, "V")
     continuous_current: Positive | None = optional("without end", 5.0, "A")
     peak_current: Positive | None = optional("for a short time", 15.0, "A")
     peak_time: Positive | None = optional(
@@ -818,6 +820,7 @@ class Amplifier(Sourced):
     @model_validator(mode="after")
     def _figures_agree(self) -> Amplifier:
         _ascending(self, "continuous_current", "peak_current")
+        _ascending(self, "min_voltage", "max_voltage")
         return self
 
 

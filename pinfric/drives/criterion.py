@@ -16,7 +16,7 @@ import numpy as np
 from pinfric.model.described import described, quantity
 
 #: Voltages that pass are no tighter the nearer they are; a motor's own is often that of the bus.
-STEPS = ("bus voltage", "motor voltage")
+STEPS = "bus voltage", "motor voltage", "amplifier bus voltage", "amplifier least voltage"
 #: Margin that stands for minus infinity: nothing is available, or more than any number is needed.
 LEAST_MARGIN = -1e9
 

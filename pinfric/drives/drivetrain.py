@@ -523,6 +523,21 @@ class MotorFigures:
         "heat, else at the permissible one",
         default=1.0,
     )
+    peak_current: float | None = quantity(
+        "largest, in A of `current_kind`: torque over its maker's torque constant; none: not known",
+        "A",
+        "peak\ncurrent",
+        default=None,
+    )
+    rms_current: float | None = quantity(
+        "RMS, as `peak_current`", "A", "RMS\ncurrent", default=None
+    )
+    current_kind: str = quantity(
+        "of the torque constant: DC or block commutation (dc), or RMS or peak of a sinusoidal "
+        "phase current (rms, peak)",
+        heading="kind of\ncurrent",
+        default="",
+    )
 
 
 @dataclass(frozen=True)
@@ -728,6 +743,8 @@ def motor_cycle(
         of_each = ratings.heated(winding.winding) if winding is not None and settled else hot
         power, copper = power + ratings.resistance * of_each * current**2, True
         drawn = astuple(power_figures(t, power))
+    kind = getattr(candidate.entry, "current", "dc")
+    printed = None if current is None else current * PER_DC_AMPERE[kind]
     limit = ratings.stall_at(conditions)
     lag = heat_lag(ratings.thermal_at(conditions), ratings.thermal_time, conditions)
     figures = MotorFigures(
@@ -749,6 +766,9 @@ def motor_cycle(
         if limit is None
         else cycle.longest_above(worst, limit, still=True),
         hot=hot,
+        peak_current=None if printed is None else largest(printed),
+        rms_current=None if printed is None else rms(t, printed),
+        current_kind="" if printed is None else kind,
     )
     return MotorCycle(lower, upper, speed, current, winding, power, copper, figures)
 

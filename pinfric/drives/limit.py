@@ -231,7 +231,8 @@ def read_drive(candidate: Candidate, motor: MotorCycle | None, case: JointCase) 
     asked = Figures(**dict.fromkeys(_NOTHING_ASKED, np.nan), figures=None)
     asked.mean_speed = np.inf  # a curve's last point counts
     if motor is not None:
-        figures = {k: number(v) for k, v in vars(motor.figures).items() if k != "holding"}
+        words = "holding", "current_kind"
+        figures = {k: number(v) for k, v in vars(motor.figures).items() if k not in words}
         asked = Figures(**vars(asked) | figures | {"figures": motor.figures})
         needed = line_voltage(ratings, motor)
         asked.voltage = np.nan if needed is None else largest(needed)

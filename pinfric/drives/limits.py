@@ -64,8 +64,9 @@ from pinfric.drives.rules import (
 from pinfric.errors import SizingError, choose_from
 from pinfric.model.transmission import driven_efficiency
 
-#: The row of what a gear bears in a collision or a stop.
-SHOCK = "gear momentary peak torque"
+#: The row of what a gear bears in a collision or a stop, and that of a motor whose amplifier the
+#: conditions do not name.
+SHOCK, AMPLIFIER_CURRENTS = "gear momentary peak torque", "amplifier currents"
 _PRACTICE = "common practice of servo drives"
 _MAKER = "maker's figures"
 _HARMONIC = "Harmonic Drive engineering data 1021387 12/2018, p. 30"
@@ -259,6 +260,10 @@ def _overdrive_time(d: Candidates) -> float:
     return np.nan if amplifier is None else number(amplifier.peak_time)
 
 
+def _bus_of_amplifier(figure: str) -> Figure:
+    return lambda d: number(getattr(d.candidate.amplifier, figure, None))
+
+
 def _fed(d: Candidates) -> bool:
     return d.candidate.amplifier is not None
 
@@ -367,9 +372,17 @@ MOTOR_LIMITS = [
     Limit("winding temperature", _winding_rise, _winding_room, "K", _winding_formula,
           "maxon, Key information: thermal behaviour (two nodes), copper +0.39 %/K",
           _winding_missing, _winding_note, condition=_cooled, applies=_turns_smoothly),
-    Limit("amplifier currents", nothing, nothing, "A",
+    Limit(AMPLIFIER_CURRENTS, nothing, nothing, "A",
           "currents of the motor <= those of its amplifier", _MAKER,
           "conditions.amplifiers: which amplifier feeds it", applies=lambda d: not _fed(d)),
+    Limit("amplifier bus voltage", lambda d: d.conditions.bus_voltage,
+          _bus_of_amplifier("max_voltage"), "V", "bus voltage <= highest of the amplifier",
+          f"{_MAKER} of the amplifier", "highest voltage of the amplifier",
+          condition="amplifiers bus_voltage", applies=_fed),
+    Limit("amplifier least voltage", _bus_of_amplifier("min_voltage"),
+          lambda d: d.conditions.bus_voltage, "V", "lowest of the amplifier <= bus voltage",
+          f"{_MAKER} of the amplifier", "lowest voltage of the amplifier",
+          condition="amplifiers bus_voltage", applies=_fed),
     Limit("amplifier peak current", "motor torque", _amplified("peak_current"), "torque",
           "max |T_m| <= torque constant x peak current of the amplifier",
           f"{_MAKER} of the amplifier", _of_amplifier("peak_current"), _amperes("peak_current"),

@@ -94,13 +94,17 @@ def own_parts(
     return parts | {"guide" if linear else "bearing": ratings}
 
 
-def check_names(scene: Scene, conditions: Conditions) -> None:
-    """Refuse conditions that name a drive that is not there, or one twice: `CatalogError`."""
+def check_names(scene: Scene, conditions: Conditions, catalog: Catalog | None) -> None:
+    """Refuse conditions that name a joint or a product that is not there, or one joint twice.
+
+    Raises:
+        CatalogError: as said, or a bearing or a drive does not fit its joint.
+    """
     shared = [name for group in conditions.same_drive for name in group]
     for name in shared:
         if shared.count(name) > 1:
             raise CatalogError(f"conditions.same_drive: {name!r} occurs {shared.count(name)} times")
-    for key in ("mass_in_urdf", "collision_effort", "bearings", "amplifiers", "same_drive"):
+    for key in ("mass_in_urdf", "collision_effort", "bearings", "amplifiers", "take", "same_drive"):
         for name in shared if key == "same_drive" else getattr(conditions, key):
             if name not in scene.actuator_names and (key, name) != ("amplifiers", OTHERS):
                 raise CatalogError(
@@ -113,3 +117,9 @@ def check_names(scene: Scene, conditions: Conditions) -> None:
                 f"conditions.same_drive: of {', '.join(group)} some turn and some slide; they have "
                 "no drive in common"
             )
+    known = catalog or Catalog("no catalogue")
+    for i, joint in enumerate(scene.actuator_names):
+        if joint in conditions.take:
+            named_drive(scene, i, conditions.take[joint], known, conditions)
+        elif joint in conditions.bearings:
+            own_parts(known, conditions, joint, effort_unit(scene, i) == "N")

@@ -168,6 +168,11 @@ class Conditions(Entry):
         {"elbow": "EPOS4 50/5", "others": "EPOS4 50/15"},
         default_factory=dict,
     )
+    take: dict[str, str] = key(
+        "drive that a joint gets, named as `size` prints it, in place of the lightest; by joint",
+        {"elbow": "M 48 + G 100"},
+        default_factory=dict,
+    )
     same_drive: Annotated[
         tuple[tuple[str, ...], ...],
         BeforeValidator(_as_groups, json_schema_input_type=tuple[tuple[str, ...], ...] | str),

@@ -179,7 +179,7 @@ def read_limits(scene: Scene, limits: LimitsLike) -> tuple[DriveLimits, ...]:
         except CatalogError as problem:
             raise CatalogError(f"{limits}: catalog: {problem}") from None
         wanted = parse_conditions(conditions, chosen.conditions)
-        check_names(scene, wanted)
+        check_names(scene, wanted, chosen)
     read = []
     for i, drive in enumerate(scene.drives):
         entry = given.get(drive.name, others)

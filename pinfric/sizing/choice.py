@@ -420,8 +420,10 @@ def search_at(
     if catalog is None or driven_joint(task.scene, i) is None or task.is_unloaded(i):
         return None
     linear = effort_unit(task.scene, i) == "N"
-    own = own_parts(catalog, task.conditions, task.scene.drives[i].name, linear)
-    arrays = task.arrays[linear]
+    name, arrays = task.scene.drives[i].name, task.arrays[linear]
+    own = own_parts(catalog, task.conditions, name, linear)
+    if (taken := task.conditions.take.get(name)) is not None:
+        arrays = arrays.only(taken)
     parts = Parts(own, demanded.banned.get(i, frozenset()), demanded.most)
     first, *others = cases(task, i, masses, demanded).values()
     return DriveSearch(arrays, first, parts, [DriveSearch(arrays, x, parts) for x in others])

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import heapq
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -247,6 +248,14 @@ class _Group:
         """(nm,) rank of each motor by name and blank, as it begins the name of a drive."""
         return np.argsort(np.argsort(np.array([f"{name} " for name in self.motor_names])))
 
+    def named(self, name: str) -> np.ndarray:
+        """(ng, nm) whether a drive goes together and has a name."""
+        named = np.zeros_like(self.fits)
+        for g, m in np.argwhere(self.fits):
+            begins = self.names[g] in name and name.startswith(self.motor_names[m])
+            named[g, m] = begins and self.make(int(g), int(m)).name == name
+        return named
+
     def braked(
         self, gears: np.ndarray, options: Sequence[Sequence[Sequence[Brake | None]]]
     ) -> Iterator[tuple[np.ndarray, ...]]:
@@ -321,6 +330,12 @@ class CatalogArrays:
     def brakes_for(self, motor: str, integrated: bool = False) -> dict[str, Brake]:
         """Return the brakes that go with a motor, the smallest first."""
         return {n: brake for n, brake in self.brakes.items() if brake.goes_with(motor, integrated)}
+
+    def only(self, name: str) -> CatalogArrays:
+        """Return the same with one drive, named as `size` prints it."""
+        alone = copy(self)
+        alone.groups = [replace(group, fits=group.named(name)) for group in self.groups]
+        return alone
 
     def worst_efficiency(self, kind: str) -> float | None:
         """Return the worst known efficiency of a kind of gears; None: none is known."""
@@ -483,6 +498,11 @@ class DriveSearch:
         self._rows: dict[tuple[int, int], _GearAtJoint] = {}
         self._source, self._found = self._offers(), list[tuple[float, float, int, int, int]]()
         self._judged: dict[tuple[int, int, int], Assessment] = {}
+
+    @property
+    def cases(self) -> tuple[JointCase, ...]:
+        """The joint's cases, that of the largest RMS effort first."""
+        return self.case, *(search.case for search in self.beside)
 
     def gear_lacks(self, group: _Group, g: int) -> tuple[str, ...]:
         """Return the figures that a gear lacks, beside what the joint has of its own."""

@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from pinfric.checking.findings import errors, lines, remarks
+from pinfric.drives.amplifier import amplifier_of
 from pinfric.drives.brake import BRAKE, Standstill, standstills
 from pinfric.drives.catalog import Catalog
 from pinfric.drives.criterion import Criterion, Status, compare
@@ -16,7 +17,7 @@ from pinfric.drives.demand import DriveCycle, JointDemand
 from pinfric.drives.drivetrain import Candidate, MotorCycle, bus_voltage
 from pinfric.drives.duty import Schedule
 from pinfric.drives.held import doubted_masses, held_drives, refuted_masses
-from pinfric.drives.limits import SHOCK
+from pinfric.drives.limits import AMPLIFIER_CURRENTS, SHOCK
 from pinfric.drives.mounting import mounted
 from pinfric.drives.policy import SURROUNDINGS, Conditions, outside, request
 from pinfric.drives.power import BusPower, bus_power
@@ -269,19 +270,36 @@ class SizingReport(Shown):
         """Mass of all drives taken, kg."""
         return sum(drive.mass or 0.0 for drive in self.drives if drive)
 
+    def of_drive(self, k: int) -> tuple[Criterion, ...]:
+        """Return the criteria of one joint's drive and its amplifier."""
+        taken = self.joints[k].installed
+        own = () if taken is None else taken.criteria
+        return tuple(_fed(c, *self.amplifiers[k]) for c in own)
+
     @cached_property
     def criteria(self) -> tuple[tuple[Criterion, ...], ...]:
         """All criteria of each joint: of its drive, brake, reversal error, stop and place."""
         by_joint = []
         stops = None if self.stops is None else self.stops.axes
-        for k, joint in enumerate(self.joints):
-            own = () if joint.installed is None else joint.installed.criteria
+        for k in range(len(self.joints)):
+            own = self.of_drive(k)
             still = () if self.catalog is None else self.standstills[k].criteria
             stop = () if stops is None else stops[k].criteria
             named = (replace(c, name=f"stop: {c.name}") for c in stop)
             others = (*named, *_open_stop(self, k), *_shared(self, k))
             by_joint.append((*own, *still, *self.reversals[k : k + 1], *others))
         return tuple(by_joint)
+
+    @cached_property
+    def amplifiers(self) -> tuple[tuple[str, str], ...]:
+        """Amplifier of each joint, else why there is none: see `amplifier_of`."""
+        known = {} if self.catalog is None else self.catalog.amplifiers
+        return tuple(
+            amplifier_of(joint.installed.candidate, joint.search.cases, known)
+            if joint.installed is not None and joint.search is not None
+            else ("", "no drive")
+            for joint in self.joints
+        )
 
     @cached_property
     def verdict(self) -> Verdict:
@@ -427,7 +445,7 @@ class SizingReport(Shown):
     @property
     def not_checked(self) -> int:
         """Number of criteria that lack a figure, of all drives in the model."""
-        return sum(len(joint.installed.not_checked) for joint in self.joints if joint.installed)
+        return sum(c.unchecked for k in range(len(self.joints)) for c in self.of_drive(k))
 
     def joint(self, name: str) -> JointSizing:
         """Return one joint's sizing by name.
@@ -439,6 +457,16 @@ class SizingReport(Shown):
         if name not in joints:
             raise SizingError(f"there is no drive {name!r}; {choose_from(name, joints)}")
         return joints[name]
+
+
+def _fed(criterion: Criterion, amplifier: str, why: str) -> Criterion:
+    """The row of a drive for which the conditions name no amplifier: that of the catalogue."""
+    if criterion.name != AMPLIFIER_CURRENTS:
+        return criterion
+    if not amplifier:
+        return replace(criterion, note=why, missing=f"{why}: conditions.amplifiers")
+    said = f"{amplifier}, the smallest of the catalogue that feeds it"
+    return replace(criterion, status=Status.PASSES, note=said, missing="")
 
 
 def _open_stop(report: SizingReport, k: int) -> list[Criterion]:

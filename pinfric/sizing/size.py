@@ -16,7 +16,7 @@ from pinfric.drives.demand import driven_joint, joint_demand
 from pinfric.drives.drivetrain import motor_cycle
 from pinfric.drives.duty import Duty
 from pinfric.drives.limit import JointCase
-from pinfric.drives.parts import check_names, own_parts
+from pinfric.drives.parts import check_names
 from pinfric.drives.policy import Conditions, parse_conditions
 from pinfric.drives.robot import carried, equip
 from pinfric.dynamics.inverse.inverse import inverse_dynamics
@@ -109,11 +109,8 @@ def size(
         )
     default = Conditions() if catalog is None else catalog.conditions
     wanted = parse_conditions(conditions or {}, default)
-    check_names(scene, wanted)
+    check_names(scene, wanted, catalog)
     check_tool(scene, wanted)
-    for joint in wanted.bearings:
-        linear = effort_unit(scene, scene.actuator_names.index(joint)) == "N"
-        own_parts(catalog or Catalog("no catalogue"), wanted, joint, linear)
     tell = progress or (lambda _: None)
     trajectory, rating = _motion_of_rating(trajectory, rating)
     rated = None if rating is None else rate(scene, rating)

@@ -31,13 +31,20 @@ _MOST_MISSES = 3
 
 @described
 class Candidacy:
-    """A drive that fits one joint, beside the chosen one."""
+    """A drive that fits one joint: the chosen one, or one beside it."""
 
-    name: str = quantity("motor and gear", heading="drive")
-    mass: float | None = quantity("none: not known", "kg", "mass")
+    name: str = quantity("motor and gear; `--take JOINT=NAME` takes it", heading="drive")
+    mass: float | None = quantity("with its brake; none: not known", "kg", "mass")
+    ratio: float = quantity("motor turns per joint turn", "1 or rad/m", "ratio")
     margin: float = quantity(
         "the least of all criteria", heading="least\nmargin", cell="{margin:margin}"
     )
+    tightest: str | None = quantity("the criterion of that margin", heading="tightest\ncriterion")
+    peak_current: float | None = quantity(
+        "largest of its motor, in A as its maker prints them; none: not known", "A", "peak\ncurrent"
+    )
+    rms_current: float | None = quantity("RMS of the same", "A", "RMS\ncurrent")
+    brake: str = quantity('at the motor\'s shaft; "": none', heading="brake")
     not_checked: int = quantity("criteria without a figure", heading="not\nchecked")
 
 
@@ -95,6 +102,11 @@ class Installed:
     mass: float | None = quantity("none: not known", "kg", "mass")
     ratio: float = quantity("motor turns per joint turn", "1 or rad/m")
     brake: str = quantity('at the motor\'s shaft; "": none', heading="brake")
+    amplifier: str = quantity(
+        'that feeds the motor: of the conditions, else the smallest of the catalogue; "": none',
+        heading="amplifier",
+    )
+    no_amplifier: str = quantity('why there is none; "": there is one')
     backlash: float | None = quantity(
         "of its gear at the joint; none: not printed", "rad or m", "backlash\nat the joint"
     )
@@ -147,6 +159,7 @@ class SizedJoint(JointDemand):
     )
     candidates: int = quantity("drives of the catalogue whose parts go together")
     standstill: Standstill = quantity("holding without power", heading="*")
+    taken: tuple[Candidacy, ...] = quantity("the choice beside them; empty: none fits")
     alternatives: tuple[Candidacy, ...] = quantity("other drives that fit")
     nearest_miss: str | None = quantity("if none fits: by how much the closest candidate misses")
     next_smaller: NextSmaller | None = quantity(
@@ -383,11 +396,10 @@ def _sized_joint(report: SizingReport, k: int, lever: float) -> SizedJoint:
         decided_by=joint.decided_by or None,
         verdict=verdicts[k] if verdicts else None,
         provisional=_provisional(joint.nearest),
-        installed=None if taken is None else _installed(taken, report.criteria[k], lever),
+        installed=None if taken is None else _installed(report, k, taken, lever),
         standstill=report.standstills[k],
-        alternatives=tuple(
-            Candidacy(a.name, a.mass, a.margin, len(a.not_checked)) for a in joint.alternatives
-        ),
+        taken=() if joint.choice is None else (_candidacy(joint.choice),),
+        alternatives=tuple(_candidacy(a) for a in joint.alternatives),
         nearest_miss=joint.no_fit or None,
         next_smaller=None if smaller is None else _next_smaller(smaller),
     )
@@ -421,12 +433,32 @@ def margins(summary: SizingSummary) -> list[CriterionMargins]:
     ]
 
 
-def _installed(taken: Assessment, criteria: tuple[Criterion, ...], lever: float) -> Installed:
-    gap = taken.candidate.backlash
+def _candidacy(drive: Assessment) -> Candidacy:
+    judged = [c for c in drive.criteria if c.scaled]
+    tightest = min(judged, key=lambda c: c.margin or 0.0, default=None)
+    motor = drive.motor
+    return Candidacy(
+        drive.name,
+        drive.mass,
+        drive.candidate.ratio,
+        drive.margin,
+        tightest and tightest.name,
+        motor and motor.peak_current,
+        motor and motor.rms_current,
+        drive.candidate.brake,
+        len(drive.not_checked),
+    )
+
+
+def _installed(report: SizingReport, k: int, taken: Assessment, lever: float) -> Installed:
+    gap, criteria = taken.candidate.backlash, report.criteria[k]
+    amplifier, why = report.amplifiers[k]
     return gathered(
         Installed,
         taken.candidate,
         judged=taken.name,
+        amplifier=amplifier,
+        no_amplifier=why,
         backlash_at_tool=None if gap is None or np.isnan(lever) else gap * lever,
         not_checked=len(taken.not_checked),
         margins={c.name: c.margin for c in criteria},

@@ -84,7 +84,7 @@ def motors_on_trial(scene: Scene, sweep: SweepFile, source: str) -> tuple[Scene,
     problems, trials = [], []
     try:
         conditions = parse_conditions(sweep.conditions, conditions)
-        check_names(scene, conditions)
+        check_names(scene, conditions, catalog)
     except CatalogError as problem:
         problems.append(str(problem))
     for name, entry in sweep.motors.items():

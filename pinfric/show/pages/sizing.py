@@ -25,6 +25,7 @@ from pinfric.show.report.drives import (
     bus_table,
     by_text,
     choice_table,
+    currents_table,
     product_lines,
     provisional_table,
     rating_table,
@@ -51,6 +52,7 @@ from pinfric.show.report.tables import Table
 from pinfric.show.report.values import percentage
 from pinfric.sizing.report import JointSizing, SizingReport
 from pinfric.sizing.summary import (
+    Candidacy,
     CriterionMargins,
     SizedJoint,
     SizingSummary,
@@ -123,6 +125,7 @@ def sizing_page(report: SizingReport, command: str = "", inputs: Iterable[str | 
         # All together
         turn=turn(report),
         bus_picture=report.catalog and svg(power_over_time(report), "Power from the bus"),
+        currents=currents_table(summary),
         bus_figures=bus_table(report),
         bus=bus_lines(report),
         brakes=brake_table(summary),
@@ -189,7 +192,7 @@ def _joint_view(
         "criteria": () if taken is None else _criteria(taken.criteria),
         "units": joint.installed.candidate.units if joint.installed is not None else (),
         "at_output": joint.installed is not None and joint.installed.candidate.at_output,
-        "fitting": table_of("", summary.alternatives),
+        "fitting": table_of("", (*summary.taken, *summary.alternatives), cells=_OFFERED),
         "unloaded": joint.unloaded and report.catalog is not None,
     }
 
@@ -204,6 +207,10 @@ def _margin(margin: float | None) -> Marked:
 _CELLS: dict[str, Callable[[SizedJoint], str]] = {
     "verdict.margin": lambda joint: _margin(joint.verdict.margin if joint.verdict else None),
 }
+
+
+#: The same of the drives that fit a joint.
+_OFFERED: dict[str, Callable[[Candidacy], str]] = {"margin": lambda drive: _margin(drive.margin)}
 
 
 def _ended(c: Criterion) -> Marked:

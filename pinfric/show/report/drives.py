@@ -95,6 +95,37 @@ def brake_line(summary: SizingSummary) -> list[str]:
     return [f"brakes: {said}", *lines] if said else lines
 
 
+def currents_table(summary: SizingSummary) -> Table | None:
+    """Return the currents of each motor and its amplifier; None where no current is known."""
+    figures = ("peak_current", "rms_current", "current_kind")
+    only = ("name", *(f"installed.motor.{name}" for name in figures), "installed.amplifier")
+    rows = [joint for joint in summary.joints if joint.installed is not None]
+    cells = {"installed.amplifier": _amplifier}
+    return table_of("currents of the motors, and their amplifiers", rows, only=only, cells=cells)
+
+
+def _amplifier(joint: SizedJoint) -> str:
+    taken = joint.installed
+    return NONE if taken is None else taken.amplifier or taken.no_amplifier
+
+
+def amplifier_lines(summary: SizingSummary) -> list[str]:
+    """Return the amplifiers in a sentence, with the currents of the motors that they feed."""
+    short = short_names([joint.name for joint in summary.joints])
+    by_name: dict[str, list[str]] = {}
+    for joint in summary.joints:
+        if (taken := joint.installed) is None:
+            continue
+        said, motor = short[joint.name], taken.motor
+        if motor is not None and motor.peak_current is not None and motor.rms_current is not None:
+            said += (
+                f" {digits(motor.peak_current)}, {digits(motor.rms_current)} {motor.current_kind}"
+            )
+        by_name.setdefault(taken.amplifier or f"none, {taken.no_amplifier}", []).append(said)
+    said = "; ".join(f"{name} ({'; '.join(of)})" for name, of in by_name.items())
+    return [f"amplifiers, with peak and RMS current in A: {said}"] * bool(said)
+
+
 def by_text(lines: Iterable[str]) -> dict[str, dict[str, None]]:
     """Return the names for each text of lines `name: text`, each once."""
     whose: dict[str, dict[str, None]] = {}

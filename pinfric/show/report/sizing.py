@@ -13,12 +13,14 @@ from pinfric.elastic.summary import elastic_summary
 from pinfric.model.brief import counted
 from pinfric.motions.summary import beyond_limits
 from pinfric.show.report.drives import (
+    amplifier_lines,
     ask_table,
     brake_line,
     brake_table,
     bus_lines,
     bus_table,
     choice_table,
+    currents_table,
     mass_table,
     mounting_table,
     product_lines,
@@ -45,8 +47,6 @@ _VISIBLE = 1e-4
 
 #: A mounting that only the notes name.
 _USUAL = "The robot is mounted standing, as the scene's gravity says."
-#: Products to ask for that the short report lists.
-_ASKED = 3
 
 
 def sizing_report(report: SizingReport, verbose: bool = True, written: bool = False) -> Report:
@@ -84,6 +84,7 @@ def sizing_report(report: SizingReport, verbose: bool = True, written: bool = Fa
         brake_table(summary),
         stop_lines(summary),
         None if summary.stops is None else axes_table(summary.stops),
+        currents_table(summary),
         bus_table(report),
         bus_lines(report),
         elastic_lines(report),
@@ -96,20 +97,28 @@ def _short(
     report: SizingReport, summary: SizingSummary, opening: Sequence[Any], written: bool
 ) -> Report:
     first = [f"note: {line}" for line in report.assumptions[: len(report.unclosed) > 0]]
-    kinds = counted(len(summary.unchecked), "kind of criteria was", "kinds of criteria were")
     ending = [
-        f"why {kinds} not checked, the demand of each joint, next smaller drives, "
-        f"{counted(len(report.notes), 'note')}: -v"
-        + ("" if written else "; page to sign, bill of materials: --out FOLDER")
+        f"{counted(len(summary.ask), 'product')} to ask the maker about",
+        counted(len(product_lines(summary)), "remark") + " of the catalogue",
+        f"why {counted(len(summary.unchecked), 'kind')} of criteria were not checked",
+        "the demand of each joint",
+        "next smaller drives",
+        counted(len(report.notes), "note"),
     ]
+    last = "more by -v: " + ", ".join(line for line in ending if not line.startswith("0 "))
+    last += "" if written else "; page to sign, bill of materials: --out FOLDER"
     return paragraphs(
         list(opening),
         choice_table(summary, short=True),
         mounting_table(summary),
         provisional_table(summary),
-        [*product_lines(summary), *brake_line(summary), *bus_lines(report), *stop_lines(summary)],
-        ask_table(summary, _ASKED),
-        first + ending,
+        [
+            *brake_line(summary),
+            *amplifier_lines(summary),
+            *bus_lines(report)[:1],
+            *stop_lines(summary),
+        ],
+        [*first, last],
     )
 
 
