@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from pinfric.drives.catalog import Amplifier
 from pinfric.drives.criterion import Status
-from pinfric.drives.drivetrain import Candidate, MotorCycle, motor_cycle
+from pinfric.drives.drivetrain import PER_DC_AMPERE, Candidate, MotorCycle, motor_cycle
 from pinfric.drives.limit import JointCase, read_drive
 from pinfric.drives.limits import LIMITS
 
@@ -34,10 +34,17 @@ def amplifier_of(
     if candidate.transmission is None or candidate.ratings.torque_constant is None:
         return "", "its currents are not known: no torque constant"
     motors = [(motor_cycle(candidate, case.cycle, case.conditions), case) for case in cases]
-    for name in sorted(amplifiers, key=lambda n: amplifiers[n].continuous_current or float("inf")):
+    for name in sorted(amplifiers, key=lambda name: _size(amplifiers[name])):
         if _feeds(replace(candidate, amplifier=amplifiers[name]), motors):
             return name, ""
     return "", "no amplifier of the catalogue fits"
+
+
+def _size(amplifier: Amplifier) -> float:
+    """The continuous current of an equivalent DC motor, A."""
+    if (current := amplifier.continuous_current) is None:
+        return float("inf")
+    return current / PER_DC_AMPERE[amplifier.current]
 
 
 def _feeds(candidate: Candidate, motors: Sequence[tuple[MotorCycle, JointCase]]) -> bool:

@@ -460,7 +460,7 @@ def _installed(report: SizingReport, k: int, taken: Assessment, lever: float) ->
         amplifier=amplifier,
         no_amplifier=why,
         backlash_at_tool=None if gap is None or np.isnan(lever) else gap * lever,
-        not_checked=len(taken.not_checked),
+        not_checked=sum(c.unchecked for c in criteria),
         margins={c.name: c.margin for c in criteria},
         criteria=criteria,
         motor=taken.motor,

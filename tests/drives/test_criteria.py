@@ -537,6 +537,63 @@ def test_an_amplifier_without_figures_is_not_judged(tmp_path):
             amplified(tmp_path, "dc", {"amplifiers": given})
 
 
+def test_the_smallest_amplifier_that_feeds_the_motor_is_named(tmp_path):
+    """By hand: peak current MOTOR_UP/k, RMS of the four parts; 0.25 s above it for `short`."""
+    k = MOTOR["torque_constant"]
+    torques = np.array([MOTOR_UP, MOTOR_RUN, MOTOR_DOWN, MOTOR_REST])
+    peak, mean = MOTOR_UP / k, float(np.sqrt(PARTS @ torques**2 / CYCLE)) / k
+    assert peak > 1.2 * mean
+    good = {"source": "invented", "grade": "R", "current": "dc", "peak_time": 0.3}
+    good |= {"continuous_current": 1.1 * mean, "peak_current": 1.1 * peak}
+    good |= {"min_voltage": 10.0, "max_voltage": 60.0}
+    amplifiers = {
+        "low peak": good | {"peak_current": 0.99 * peak},
+        "weak": good | {"continuous_current": 0.99 * mean},
+        "short": good | {"peak_time": 0.9 * RAMP},
+        "low bus": good | {"max_voltage": 47.0},
+        "high bus": good | {"min_voltage": 49.0},
+        "unknown bus": {x: y for x, y in good.items() if x != "max_voltage"},
+        "larger": good | {"continuous_current": 1.2 * mean, "peak_current": 1.2 * peak},
+        # per A RMS of a phase it gives sqrt(3/2) times the torque
+        "phase": good | {"current": "rms", "continuous_current": 0.85 * mean},
+        "good": good,
+    }
+    catalog = one_drive(tmp_path, amplifiers=amplifiers)
+    report = sized_cycle(catalog)
+    motor = report.joints[0].motor.figures
+    assert (motor.peak_current, motor.rms_current) == pytest.approx((peak, mean), rel=1e-6)
+    assert motor.current_kind == "dc"
+    assert report.amplifiers == (("phase", ""),)
+    (row,) = [c for c in report.criteria[0] if c.name == "amplifier currents"]
+    assert (row.status, row.scaled) == (Status.PASSES, False)
+    del amplifiers["phase"], amplifiers["good"]
+    report = sized_cycle(one_drive(tmp_path, amplifiers=amplifiers))
+    assert report.amplifiers == (("larger", ""),)
+    del amplifiers["larger"]
+    report = sized_cycle(one_drive(tmp_path, amplifiers=amplifiers))
+    assert report.amplifiers == (("", "no amplifier of the catalogue fits"),)
+    (row,) = [c for c in report.criteria[0] if c.name == "amplifier currents"]
+    assert row.unchecked
+    assert row.lacks.startswith("no amplifier of the catalogue fits")
+
+
+@pytest.mark.parametrize("limit", [{"max_voltage": 47.0}, {"min_voltage": 49.0}])
+def test_an_amplifier_of_another_bus_is_not_signed(tmp_path, limit):
+    figures = {"continuous_current": 30.0, "peak_current": 90.0, **limit}
+    with pytest.warns(pf.PinfricWarning, match="amplifier (bus|least) voltage: needs 4"):
+        _, joint = amplified(tmp_path, "dc", **figures)
+    assert joint.choice is None
+
+
+@pytest.mark.parametrize("kind", ["dc", "rms", "peak"])
+def test_currents_are_torque_over_the_constant_that_the_maker_prints(tmp_path, kind):
+    catalog = one_drive(tmp_path, motor={"current": kind})
+    (joint,) = sized_cycle(catalog).joints
+    figures = joint.motor.figures
+    peak = MOTOR_UP / MOTOR["torque_constant"]
+    assert (figures.peak_current, figures.current_kind) == (pytest.approx(peak, rel=1e-6), kind)
+
+
 @pytest.mark.filterwarnings("ignore:.*cannot be signed")
 def test_an_amplifier_feeds_a_gearmotor_by_its_constant_at_the_output(tmp_path):
     actuator = {

@@ -39,6 +39,7 @@ from pinfric.errors import CatalogError, SizingError, StateError
 from pinfric.model.schema import Assumed, Measured
 from pinfric.motions.summary import summarize
 from pinfric.show.pages.sizing import sizing_page
+from pinfric.show.report.drives import product_lines
 from pinfric.show.report.sizing import friction_line, sizing_report
 from pinfric.sizing.caveats import caveats
 from pinfric.sizing.choice import Demanded, choose, task_of
@@ -169,6 +170,41 @@ def test_lightest_that_fits_is_chosen_and_margins_break_ties(tmp_path):
     assert weak.why.startswith("short-term torque: needs ")
     assert "continuous torque: needs " in weak.why
     assert joint.nearest is None
+
+
+def test_a_drive_that_is_named_is_taken_in_place_of_the_lightest(tmp_path):
+    motors = {
+        "heavy": {**MOTOR, "mass": 2.0},
+        "light": {**MOTOR, "mass": 0.4},
+        "weak": {**MOTOR, "mass": 0.1, "continuous_torque": 0.05},
+    }
+    catalog = load_catalog(write_catalog(tmp_path / "c.yaml", motors))
+    report = sized_cycle(catalog, conditions={"take": {"table": "heavy + G"}})
+    (joint,) = sizing_summary(report).joints
+    assert report.joints[0].choice.candidate.motor == "heavy"
+    assert report.drive_mass == pytest.approx(2.0 + GEAR["mass"])
+    assert [drive.name for drive in joint.taken] == ["heavy + G"]
+    assert report.verdict.signed
+    with pytest.warns(pf.PinfricWarning, match="the closest candidate is weak"):
+        report = sized_cycle(catalog, conditions={"take": {"table": "weak + G"}})
+    assert not report.verdict.signed
+    for taken, says in (
+        ({"table": "light"}, "the catalogue has no drive 'light'"),
+        ({"chair": "light + G"}, "conditions.take: there is no drive 'chair'"),
+    ):
+        with pytest.raises(CatalogError, match=says):
+            sized_cycle(catalog, conditions={"take": taken})
+
+
+def test_drives_that_fit_stand_side_by_side(tmp_path):
+    motors = {"light": MOTOR, "heavy": {**MOTOR, "mass": 2.0, "torque_constant": 0.2}}
+    report = sized_cycle(load_catalog(write_catalog(tmp_path / "c.yaml", motors)))
+    (joint,) = sizing_summary(report).joints
+    mine, other = (*joint.taken, *joint.alternatives)
+    assert (mine.name, other.name) == ("light + G", "heavy + G")
+    assert (mine.ratio, mine.brake) == (100.0, "")
+    assert mine.peak_current == pytest.approx(2.0 * other.peak_current)
+    assert mine.tightest in {c.name for c in report.joints[0].choice.criteria}
 
 
 def test_several_ratios_of_one_gear_are_several_candidates(tmp_path):
@@ -686,6 +722,10 @@ def test_remarks_and_stand_ins_of_what_was_chosen_are_printed_everywhere(tmp_pat
     )
     console = Console(file=StringIO(), width=400)
     console.print(*sizing_report(report, verbose=False), sep="\n")
+    assert f"{len(product_lines(sizing_summary(report)))} remarks of the catalogue" in (
+        console.file.getvalue()
+    )
+    console.print(*sizing_report(report), sep="\n")
     page = sizing_page(report).replace("<b>", "").replace("</b>", "")
     assert all(line in console.file.getvalue() for line in joint.installed.notes)
     for line in (*joint.installed.notes, *joint.installed.stand_ins):
