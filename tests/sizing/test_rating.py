@@ -212,6 +212,7 @@ def test_a_group_that_no_drive_fits_alike_is_not_signed(tmp_path):
         "continuous_torque": 5.0,
         "peak_torque": 20.0,
         "resistance": 0.01,
+        "torque_constant": 0.05,  # 31 V at the wrist's top speed
         "max_speed": 700.0,
     }
     file = write_catalog(tmp_path / "c.yaml", {"M": motor}, {"S": strong, "F": fast})
