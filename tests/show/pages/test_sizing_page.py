@@ -117,7 +117,7 @@ def test_every_number_of_a_joint_is_that_of_a_pocket_calculator(tmp_path):
     assert chosen["tightest criterion"] == least
     assert f"{100 * margins[least]:.0f} %" == chosen["least margin"]
     is_about(chosen["mass kg"], MOTOR["mass"] + GEAR["mass"])
-    powers = [t * speed + resistance * (t / k) ** 2 for t in motor]
+    powers = [t * speed + 1.312 * resistance * (t / k) ** 2 for t in motor]
     tiles = [texts(x) for x in re.findall(r'<div class="fact[^"]*"><b>(.*?)</b>', page)]
     open_ = sum(row["margin"] == "not checked" for row in rows.values())
     assert tiles[:3] == ["1.50 kg", "1 of 1", str(open_)]
