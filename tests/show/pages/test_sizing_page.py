@@ -69,7 +69,8 @@ def test_every_number_of_a_joint_is_that_of_a_pocket_calculator(tmp_path):
     report = sized_cycle(one_drive(tmp_path, {"thermal": None}))
     page, conditions = sizing_page(report), report.conditions
     ratio, shaft = GEAR["ratio"], MOTOR["rotor_inertia"] + GEAR["input_inertia"]
-    k, resistance = MOTOR["torque_constant"], MOTOR["resistance"]
+    # without thermal figures copper is as hot as class A allows, 105 C: 1 + 0.0039 x 80
+    k, resistance = MOTOR["torque_constant"], 1.312 * MOTOR["resistance"]
     inertial, times = INERTIA * ACCELERATION, (RAMP, PLATEAU, RAMP, PAUSE)
     joint = inertial + COULOMB, COULOMB, COULOMB - inertial, COULOMB
     rotor = ratio * shaft * ACCELERATION
@@ -87,7 +88,7 @@ def test_every_number_of_a_joint_is_that_of_a_pocket_calculator(tmp_path):
         "short-term torque": (warmest(motor, times, thermal), 0.5),
         "overloaded standstill": (0.0, thermal),
         "peak torque": (conditions.peak_factor * start, 2.0),
-        "speed-torque line": (1.312 * resistance * start / k + k * speed, 0.9 * 48.0),
+        "speed-torque line": (resistance * start / k + k * speed, 0.9 * 48.0),
         "motor speed": (speed, 600.0),
         "gear average torque": (cubic, 40.0),
         "gear repeated peak torque": (joint[0], 60.0),
@@ -117,7 +118,7 @@ def test_every_number_of_a_joint_is_that_of_a_pocket_calculator(tmp_path):
     assert chosen["tightest criterion"] == least
     assert f"{100 * margins[least]:.0f} %" == chosen["least margin"]
     is_about(chosen["mass kg"], MOTOR["mass"] + GEAR["mass"])
-    powers = [t * speed + 1.312 * resistance * (t / k) ** 2 for t in motor]
+    powers = [t * speed + resistance * (t / k) ** 2 for t in motor]
     tiles = [texts(x) for x in re.findall(r'<div class="fact[^"]*"><b>(.*?)</b>', page)]
     open_ = sum(row["margin"] == "not checked" for row in rows.values())
     assert tiles[:3] == ["1.50 kg", "1 of 1", str(open_)]
