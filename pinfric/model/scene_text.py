@@ -31,6 +31,8 @@ def scene_content(scene: Scene, robot: Robot, folder: Path, urdf: str = "") -> d
         held = set(scene.masses_hold) - {None}
         named = isinstance(scene.masses, str) or len(held) > 1 or None in scene.masses_hold
         section["masses"] = scene.masses if named else words[held.pop()]
+    if scene.masses_confirmed:
+        section["masses_confirmed"] = True
     if scene.payloads:
         section["payloads"] = {name: _dump(payload) for name, payload in scene.payloads.items()}
     content: dict[str, Any] = {"pinfric": 1, "robot": section}
