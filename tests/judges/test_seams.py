@@ -14,6 +14,7 @@ from pathlib import Path
 
 if __name__ == "__main__":
     sys.path[:0] = [str(Path(__file__).parents[1] / end) for end in ("", "helpers")]
+    warnings.simplefilter("ignore")  # of scenes that helpers make
 
 import pytest
 from judges.ledger import Ledger
