@@ -171,13 +171,17 @@ def _line_formula(d: Candidates) -> str:
     return f"max |R(T_w) T_m/k + k omega| <= {most}; {hot}"
 
 
-def _shared_voltage(d: Candidates) -> str:
-    """The conditions that set the voltage at the motor's terminals, and how hot its winding is."""
+def _bus_share(d: Candidates) -> str:
+    """The conditions that set the voltage at the motor's terminals."""
     own = d.share != d.conditions.amplifier_share
-    shared = (" amplifiers" * _fed(d)) if own else " amplifier_share"
+    return "bus_voltage" + (" amplifiers" * _fed(d) if own else " amplifier_share")
+
+
+def _shared_voltage(d: Candidates) -> str:
+    """The same, and how hot the winding is."""
     guessed = np.isnan(d.asked.peak_temperature) and not np.isfinite(d.asked.mean_temperature)
     taken = bool(guessed) and d.ratings.max_winding_printed is None
-    return "bus_voltage" + shared + " max_winding" * taken
+    return _bus_share(d) + " max_winding" * taken
 
 
 def _fastest(d: Candidates) -> Value:
@@ -368,7 +372,8 @@ MOTOR_LIMITS = [
           stage="pair", condition=_shared_voltage, key="stall_torque", applies=_turns_smoothly),
     Limit("motor speed", "motor speed", _fastest, "speed",
           "max |omega| <= maximum speed", _MAKER, "maximum speed", _fastest_note, stage="pair",
-          key="max_speed", applies=_turns_smoothly),
+          condition=lambda d: _bus_share(d) if _fastest_note(d) else "", key="max_speed",
+          applies=_turns_smoothly),
     Limit("winding temperature", _winding_rise, _winding_room, "K", _winding_formula,
           "maxon, Key information: thermal behaviour (two nodes), copper +0.39 %/K",
           _winding_missing, _winding_note, condition=_cooled, applies=_turns_smoothly),

@@ -194,6 +194,7 @@ def _report(task: Task, choice: DriveChoice, impossible: str) -> SizingReport:
     equipped = equip(task.scene, chosen, task.conditions) if chosen else task.scene
     without, rating = task.robot.base.result, task.rating
     cycles = rating is None or rating.duty is not None
+    own = slice(None) if rating is None else rating.own  # a rating's speeds are what is asked for
     gaps = unclosed(without, task.duty) if cycles else ()
     source = str(getattr(task.motion, "source", "motion"))
     return SizingReport(
@@ -220,7 +221,7 @@ def _report(task: Task, choice: DriveChoice, impossible: str) -> SizingReport:
         contradiction=impossible,
         rating=rating,
         elsewhere=tuple(task.elsewhere),
-        beyond=moves_beyond(without.scene, without.states.q, without.states.v),
+        beyond=moves_beyond(without.scene, without.states.q[own], without.states.v[own]),
         open_stops=choice.open_stops,
     )
 
