@@ -102,10 +102,10 @@ def judge_files(report: SizingReport) -> None:
     if carried is not None:
         names = list(report.scene.payloads)
         carried = carried[part][:, [names.index(payload) for payload in scene.payloads]]
-    q, v, a = (x[part] for x in (states.q, states.v, states.a))
-    read = inverse_dynamics(scene, q, v, a, attached=carried)
+    t, q, v, a = (x[part] for x in (report.result.times, states.q, states.v, states.a))
+    read = inverse_dynamics(scene, q, v, a, t=t, attached=carried)
     for key, what in _JUDGED.items():
-        mine, theirs = getattr(read, key), getattr(report.result, key)[part]
+        mine, theirs = (getattr(x, key)[: len(t) - 1] for x in (read, report.result))
         largest = np.abs(theirs).max(axis=0)
         off = np.abs(mine - theirs).max(axis=0) > _READ_BACK * np.maximum(largest, 1e-2)
         for i in np.flatnonzero(off):

@@ -103,6 +103,13 @@ def test_files_are_read_back_and_judged_before_they_are_written(braked, monkeypa
         judge_files(report)
 
 
+@pytest.mark.slow
+def test_files_of_a_loop_are_read_back_alike():
+    """Reversals between samples are those of the cycle, with its times."""
+    scene = pf.load_scene("four_bar")
+    judge_files(pf.size(scene, pf.load_trajectory("four_bar", scene), "default"))
+
+
 def test_joints_that_are_not_signed_are_marked(braked):
     folder, report = braked
     wrong = [joint.name for joint in report.verdict.joints if joint.state != "can be signed"]
