@@ -84,6 +84,7 @@ class RetimeResult(Shown):
         smooth: s, of the moving mean, by which each move takes longer.
         criteria: drive -> what `size` says of a drive of the catalogue that does this motion.
         notes: what is exceeded or was not judged, in sentences.
+        fitted: the drives of a catalogue that the scene lacks, installed for the motion.
         failing: criteria of `size` that this motion, repeated, does not pass, with their drives.
     """
 
@@ -102,6 +103,7 @@ class RetimeResult(Shown):
     criteria: Mapping[str, tuple[Criterion, ...]] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     failing: tuple[str, ...] = ()
+    fitted: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         most = self.held_back()
@@ -207,11 +209,18 @@ def retime(
             f"{len(scene.payloads)} payloads"
         )
     drive_limits = read_limits(scene, limits)
-    scene = limited_scene(scene, drive_limits)
+    given, scene = scene, limited_scene(scene, drive_limits)
     columns = joint_columns(scene.model, scene.source)
     check_limits(path, columns)
     policy = Policy(sample_rate, tolerance)
     result = _Retiming(scene, path, columns, drive_limits, policy).run(points, heat, smooth)
+    pairs = zip(given.drives, scene.drives, drive_limits, strict=True)
+    fitted = tuple(
+        f"{old.name}: {limit.motor}"
+        for old, new, limit in pairs
+        if old.transmission is None and new.transmission is not None
+    )
+    result = replace(result, fitted=fitted)
     for text in result.notes:
         warnings.warn(text, PinfricWarning, stacklevel=2)
     return result

@@ -42,6 +42,7 @@ def test_motors_file_with_a_drive_of_the_catalogue(tmp_path):
     )
     found = retime(lifting(), straight(1.0), file)
     assert found.duration == pytest.approx(np.sqrt(4 * 1.0 / 2.0), rel=1e-3)
+    assert found.fitted == ("j: CubeMars AK80-64",)
 
 
 @pytest.mark.parametrize(

@@ -40,6 +40,11 @@ def retime_report(
     )
     rate = result.problem.policy.sample_rate
     lines = [f"! {note}" for note in result.notes]
+    if result.fitted:
+        lines.append(
+            "installed for this motion, with gear, rotor and mass, as the scene has no gear there: "
+            f"{'; '.join(result.fitted)}"
+        )
     lines.append(
         f"no limit is exceeded by more than {100 * result.excess:.2g} % at {rate:g} Hz "
         "(inverse dynamics)"
