@@ -575,9 +575,7 @@ class DriveSearch:
                 options += [brake] * (has >= wanted)
                 if None not in borne:
                     break
-            else:
-                options.append(None)
-            by_group.append(options)
+            by_group.append(options or [None])  # without the brake that it needs none is signed
         return by_group
 
     def _stop(self, candidate: Candidate, inertia: float) -> Stop | None:
