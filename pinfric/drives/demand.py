@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 
 import numpy as np
@@ -110,6 +110,10 @@ class JointDemand(GearDemand):
     rms_frictionless: float = quantity("of the effort without friction", EFFORT)
 
 
+#: Fields of `DriveCycle` that are of all samples together, the last ones.
+_OF_ALL = "stick_velocity", "duty"
+
+
 @dataclass(frozen=True)
 class DriveCycle:
     """One drive's samples over the cycle, as criteria take them.
@@ -159,6 +163,11 @@ class DriveCycle:
     def standing(self) -> np.ndarray:
         """(T,) this joint stands still, in two samples or more."""
         return drop_single_samples(np.abs(self.velocity) <= self.stick_velocity)
+
+    def some(self, keep: np.ndarray, duty: Schedule | None) -> DriveCycle:
+        """Return a part of the samples (T,), which are the cycles of a schedule."""
+        arrays = {x.name: getattr(self, x.name)[keep] for x in fields(self)[: -len(_OF_ALL)]}
+        return replace(self, **arrays, duty=duty)
 
     def longest_above(self, x: np.ndarray, limit: float, still: bool = False) -> float:
         """Return the longest time (s) in which |x| (T,) is above a limit (`overload`).

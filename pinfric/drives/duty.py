@@ -59,6 +59,21 @@ class Schedule:
         runs = tuple(float(k in parts) for k in range(len(self.repeats)))
         return replace(self, repeats=runs)
 
+    def samples(self, parts: Collection[int]) -> tuple[np.ndarray, Schedule]:
+        """Return (T,) which samples are of some parts, and the schedule of these alone."""
+        some = sorted(parts)
+        keep = np.zeros(self.starts[-1], dtype=bool)
+        for k in some:
+            keep[self.starts[k] : self.starts[k + 1]] = True
+        sizes = [self.starts[k + 1] - self.starts[k] for k in some]
+        last = len(self.repeats) - 1
+        return keep, Schedule(
+            starts=tuple(np.cumsum([0, *sizes]).tolist()),
+            repeats=tuple(self.repeats[k] for k in some),
+            names=tuple(self.names[k] for k in some if k < len(self.names)),
+            off=self.off and last in some,
+        )
+
     @cached_property
     def counts(self) -> np.ndarray:
         """(K,) how often each part is played: whole numbers."""

@@ -70,6 +70,12 @@ class RatedCycle:
             means["rating: move"] = self.schedule.only((self.moves[drive],))
         return means
 
+    def apart(self) -> dict[str, tuple[int, ...]]:
+        """Return the parts of the cycles, and of the rating beside them."""
+        runs = range(len(self.schedule.repeats))
+        beside = range(self.cycles, len(runs) - self.schedule.off)
+        return {"cycle": tuple(k for k in runs if k not in beside), "rating": tuple(beside)}
+
     @property
     def source(self) -> str:
         """The cycles, and what the robot is rated for, in words."""

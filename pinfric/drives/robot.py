@@ -131,12 +131,15 @@ class DrivenRobot:
         """Return a drive's samples without the mass of any drive; see `case`."""
         return drive_cycle(self.base.result, i, self.holding, means or self.duty)
 
-    def case(self, i: int, masses: Masses, means: Schedule | None = None) -> JointCase:
+    def case(
+        self, i: int, masses: Masses, means: Schedule | None = None, alone: str = ""
+    ) -> JointCase:
         """Return a joint with the masses of the drives beyond it.
 
         Args:
             i: the drive's column. masses: of all drives; those that do not load it do not count.
             means: what its means are taken over; None: the duty.
+            alone: "cycle" or "rating", as if the other one were not there; empty: both count.
         """
         beyond = {k: m for k, m in masses.items() if m and loads(self.scene, k, i)}
         there = {k: m for k, m in self.last.masses.items() if loads(self.scene, k, i)}
@@ -164,12 +167,18 @@ class DrivenRobot:
             if joint is not None:
                 wrench = self.last.wrench[:, joint - 1] if wrench is None else wrench
                 wrench = wrench + more[k] * point.wrench[:, joint - 1]
+        rated = self.rating
+        if rated is not None and alone:
+            keep, duty = (means or rated.schedule).samples(rated.apart()[alone])
+            cycle, resting, own = cycle.some(keep, duty), resting[keep], own[keep]
+            if joint is not None:
+                wrench = (self.last.wrench[:, joint - 1] if wrench is None else wrench)[keep]
         demand = gear_demand(self.result, i, cycle, wrench=wrench)
         inertia_max = None if np.isnan(own).any() else float(own.max())
         hand = depth(self.scene, i) > BASE_AXES
         swung = None
-        if self.rating is not None and inertia_max is not None:
-            swung = float(own[self.rating.own].max(initial=0.0))
+        if rated is not None and alone != "cycle" and inertia_max is not None:
+            swung = 0.0 if alone else float(own[rated.own].max(initial=0.0))
         still = rest_of(self.scene, i, resting, demand.peak, demand.speed, self.conditions)
         return JointCase(demand, cycle, inertia_max, hand, self.conditions, still, swung)
 

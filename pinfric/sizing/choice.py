@@ -1,354 +1,328 @@
-"""The choice of drives for a robot along its cycles.
+"""The choice of drives for a robot along its cycles: one state, and questions of it.
 
 Motor and gear of joint j are a point mass at its origin, on its parent link: they load the joints
-nearer to the base, not their own. So joints are sized from the tips to the base, each with the
-drives chosen beyond it in the model, until no choice changes. The rotor acts on its own motor as
-r^2 J a. Left out are the drives' own moments of inertia, their offset from the axis, and gyroscopic
-torques of rotors and their share in other joints' inertias (1/r of r^2 J).
+nearer to the base, not their own. The rotor acts on its own motor as r^2 J a. Left out are the
+drives' own moments of inertia, their offset from the axis, and gyroscopic torques of rotors and
+their share in other joints' inertias (1/r of r^2 J).
+
+The answer depends on a `Choice` alone. The questions of it are asked in the order of their cost,
+from the first one again after each new answer, until none has one. It ends: a drive that a joint
+has left three times is banned from it, links and simulated stops answer at most twice, and all
+other answers follow from the drives taken. So each drive was judged at the masses and the stops of
+all the drives that are chosen.
 """
 
 from __future__ import annotations
 
 import warnings
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
-from pinfric.drives.brake import opened, ranked
-from pinfric.drives.catalog import Brake, Catalog
-from pinfric.drives.demand import DriveCycle, drive_cycle, driven_joint
+from pinfric.drives.demand import DriveCycle, drive_cycle
 from pinfric.drives.drivetrain import Candidate
-from pinfric.drives.duty import Duty, Schedule, once
-from pinfric.drives.friction import without_drives
 from pinfric.drives.held import held_drives
-from pinfric.drives.limit import JointCase
-from pinfric.drives.mounting import mountings, turned_as
-from pinfric.drives.parts import own_parts
-from pinfric.drives.policy import Conditions
-from pinfric.drives.rated import RatedCycle
-from pinfric.drives.robot import DrivenRobot, added_masses, carried, equip, tip_to_base
+from pinfric.drives.robot import carried, equip, tip_to_base
 from pinfric.dynamics.inverse.result import InverseResult
-from pinfric.dynamics.samples.states import MotionLike
-from pinfric.errors import PinfricWarning, SizingError, StopError
-from pinfric.model.massless import massless
-from pinfric.model.scene import Scene
+from pinfric.errors import PinfricWarning, StopError
 from pinfric.model.schema import Stops
-from pinfric.motions.rating import Rated
-from pinfric.motions.summary import effort_unit, rms
 from pinfric.motions.trajectory import Trajectory
-from pinfric.sizing.branch import SwingingArm, stiff_enough
-from pinfric.sizing.drive_search import (
-    Assessment,
-    CatalogArrays,
-    DriveSearch,
-    Parts,
-    momentary_peak,
-    stiffness_of,
-)
-from pinfric.sizing.provisional import provisional
-from pinfric.stops.machines import Machines, full_load
+from pinfric.sizing.drive_search import Assessment, momentary_peak
+from pinfric.sizing.memory import Added, Asked, Memory
+from pinfric.sizing.task import Task
+from pinfric.sizing.together import together
+from pinfric.stops.machines import Machines, full_load, stop_settings
 from pinfric.stops.peaks import braking, cycle_peaks
+from pinfric.stops.study import StopResult, stops_of
 
-#: Passes over all joints before an alternating choice is given up; two are usual.
-_MOST_PASSES = 12
-#: Passes after which a choice that comes back is banned.
-_PATIENCE = 4
+#: A drive that a joint has left so often is banned from it; and rounds that no choice needs.
+_FREE, _MOST_ROUNDS = 3, 200
 #: By which factor more than the peak by algebra a gear must bear where no simulation of the stops
 #: follows: simulated peaks are 0.68 to 1.15 of it, once 1.32.
 _NOT_SIMULATED = 1.3
+#: How often simulated stops that overload a gear demand more of it, and by which factor more than
+#: their peak.
+_STOPPED_AGAIN, _STOP_RESERVE = 2, 1.02
+
+#: Names of drives by their columns, that can be compared.
+Products = frozenset[tuple[int, str]]
 
 
 @dataclass(frozen=True)
-class Task:
-    """What is sized: a robot along its cycles.
+class Choice:
+    """Drives by their columns: that fit, provisional, or the nearest; and all that they hang on.
 
     Attributes:
-        given: the scene. scene: the same without losses of the drives that are replaced.
-        motion, duty: the cycles, and which samples are which. rating: that the motion contains.
-        catalog: None: demand only. conditions: what is demanded.
-        robots: by mounting: the scene's own "", those of `mounting: any`, and those of other
-            scenes, whose duties are in `elsewhere`.
-        files: that were read. progress: called with a line at each step.
-        unloaded: (nv,) joints that move no mass.
-        arrays: of the catalogue, by whether they are for sliding joints.
-    """
-
-    given: Scene
-    scene: Scene
-    motion: MotionLike
-    duty: Schedule
-    rating: RatedCycle | None
-    catalog: Catalog | None
-    conditions: Conditions
-    robots: Mapping[str, DrivenRobot]
-    elsewhere: Mapping[str, Duty]
-    files: tuple[str, ...]
-    unloaded: np.ndarray
-    progress: Callable[[str], object]
-    arrays: Mapping[bool, CatalogArrays]
-
-    @property
-    def robot(self) -> DrivenRobot:
-        """As the scene mounts it."""
-        return self.robots[""]
-
-    @property
-    def stops_once(self) -> bool:
-        """Whether stops can be simulated: the scene has `stops`, and there is one cycle."""
-        stops = self.scene.stops is not None and self.catalog is not None
-        return stops and len(list(self.duty.parts())) == 1
-
-    def with_masses(self, masses: str | Mapping[str, str]) -> Task:
-        """Return the same with another `robot.masses` of the scene."""
-        given, scene = (replace(x, masses=masses) for x in (self.given, self.scene))
-        return replace(self, given=given, scene=scene)
-
-    def added(self, taken: Mapping[int, Assessment]) -> dict[int, float]:
-        """Return the masses that drives add to the robot's links, kg, by column."""
-        masses = {i: a.mass for i, a in taken.items()}
-        return added_masses(self.scene, self.conditions, masses)
-
-    def is_unloaded(self, i: int) -> bool:
-        """Return whether a drive's joint moves no mass."""
-        column = self.scene.drives[i].velocity_index
-        return column >= 0 and bool(self.unloaded[column])
-
-    def one_cycle(self, scene: Scene, robot: DrivenRobot) -> Trajectory:
-        """Return the cycles without a rating, or a rating alone, as a motion of a scene."""
-        states, rating = robot.result.states, robot.rating
-        samples = slice(None) if rating is None else rating.once
-        carried = states.attached
-        attached = (
-            {} if carried is None else dict(zip(scene.payloads, carried[samples].T, strict=True))
-        )
-        return Trajectory.from_arrays(
-            scene,
-            robot.result.times[samples],
-            states.q[samples],
-            states.v[samples],
-            states.a[samples],
-            attached,
-            source=str(getattr(robot.motion, "source", "motion")),
-        )
-
-
-def task_of(
-    scene: Scene,
-    trajectory: MotionLike | Duty | None,
-    catalog: Catalog | None,
-    conditions: Conditions,
-    progress: Callable[[str], object],
-    arrays: Mapping[bool, CatalogArrays],
-    rated: Rated | None = None,
-) -> Task:
-    """Return what is sized; arguments as of `size` and `Task`.
-
-    Raises:
-        SizingError: neither a cycle nor a rating, or kinds of both that do not go together; no link
-            that moves has a mass.
-    """
-    # 1. The motion: cycles, a rating, or both one behind the other
-    motion: MotionLike
-    duty, rating = None, None
-    cycles = [c for c, _ in trajectory.cycles] if isinstance(trajectory, Duty) else [trajectory]
-    if rated is not None:
-        if isinstance(trajectory, Trajectory):
-            trajectory = Duty(((trajectory, 1.0),))
-        if not isinstance(trajectory, Duty | None):
-            raise SizingError("beside a rating the cycle must be a Trajectory or a Duty")
-        rating = RatedCycle.of(rated, trajectory)
-        motion, duty, scene = rating.motion, rating.schedule, rated.scene
-    elif isinstance(trajectory, Duty):
-        motion, duty = trajectory.motion(), trajectory.schedule()
-    elif trajectory is None:
-        raise SizingError("give a cycle, or a rating: rating={'payload': 10} (kg)")
-    else:
-        motion = trajectory
-    drives = [drive.name for drive in scene.drives] if catalog is not None else ()
-    given, scene = scene, without_drives(scene, drives)
-    # 2. The robot in each of its mountings
-    robots = {"": DrivenRobot(scene, motion, duty, conditions, rating)}
-    if conditions.mounting == "any":
-        for words, gravity in mountings(scene).items():
-            turned = scene.with_(gravity=gravity)
-            robots[words] = DrivenRobot(turned, motion, duty, conditions, rating)
-    elsewhere: dict[str, Duty] = {}
-    others = trajectory.elsewhere if isinstance(trajectory, Duty) else ()
-    for other, there in others:
-        if rated is not None:
-            raise SizingError(
-                "a rating beside cycles of other scenes: give the condition mounting=any, or "
-                "size without the rating"
-            )
-        words, gravity = turned_as(given, other), other.model.gravity.linear
-        if words in elsewhere:
-            raise SizingError(f"duty: {words} is there twice; give all its cycles in one duty")
-        if catalog is not None and not gravity.any():
-            raise SizingError(f"{words}: robot.gravity is [0, 0, 0]; give the gravity")
-        elsewhere[words] = there
-        turned, schedule = scene.with_(gravity=gravity), there.schedule()
-        robots[words] = DrivenRobot(turned, there.motion(), schedule, conditions)
-        cycles += [cycle for cycle, _ in there.cycles]
-    # 3. What was read, and whether there is anything to size
-    files = [given.source, *(other.source for other, _ in others)]
-    files += [] if given.robot is None else [str(given.robot.urdf)]
-    files += [getattr(cycle, "source", "") for cycle in cycles]
-    files += () if catalog is None else catalog.files
-    unloaded = massless(scene, scene.payloads)
-    if unloaded.all():
-        raise SizingError(
-            f"{scene.source}: no link that moves has a mass, so there is nothing to size: give "
-            "the URDF's links an <inertial>; `pinfric new URDF --mass KG` makes a start"
-        )
-    return Task(
-        given,
-        scene,
-        motion,
-        duty or once(len(robots[""].result.states.q)),
-        rating,
-        catalog,
-        conditions,
-        robots,
-        elsewhere,
-        tuple(map(str, files)),
-        unloaded,
-        progress,
-        arrays,
-    )
-
-
-def catalog_arrays(
-    catalog: Catalog, conditions: Conditions, scene: Scene
-) -> dict[bool, CatalogArrays]:
-    """Return a catalogue's drives for the joints of a scene, by whether these slide."""
-    brakes = brakes_of(catalog, scene, conditions)
-    sliding = {effort_unit(scene, i) == "N" for i in range(len(scene.drives))}
-    return {linear: CatalogArrays(catalog, conditions, linear, brakes) for linear in sliding}
-
-
-@dataclass(frozen=True)
-class Demanded:
-    """What drives must meet beside the cycle, by their columns.
-
-    Attributes:
+        taken: the drive of each joint.
+        bare: the links hold none of them, whatever the scene says. links: that they cannot hold
+            `heavier`, in words.
+        solved: masses of the inverse dynamics by which loads are computed.
         efforts: that gears must bear in stops, N m or N. note: their source, in words.
-        least: what of it a simulation of the stops showed.
+        borne: the products of these stops. seen: all of which stops were asked.
+        least: of `efforts` what simulated stops showed. simulated: how often they did.
         braking: braking under power from each sample, without payload and with.
-        most: kg, that a drive may weigh. banned: names of drives that may not be taken again.
+        most: kg, that a drive may weigh. heavier: the choice that the links cannot hold.
+        banned: names that a joint may not take again.
+        rounds, settled: of questions until none had a new answer; whether that was reached.
     """
 
+    taken: Mapping[int, Assessment] = field(default_factory=dict)
+    bare: bool = False
+    links: str = ""
+    solved: Added = frozenset()
     efforts: Mapping[int, float] = field(default_factory=dict)
     note: str = ""
+    borne: Products | None = None
+    seen: frozenset[Products] = frozenset()
     least: Mapping[int, float] = field(default_factory=dict)
+    simulated: int = 0
     braking: Mapping[int, tuple[DriveCycle, ...]] = field(default_factory=dict)
     most: float = np.inf
+    heavier: Choice | None = None
     banned: Mapping[int, frozenset[str]] = field(default_factory=dict)
-
-    def of_stops(self, i: int) -> dict[str, Any]:
-        """Return what is known of a joint's stops, as fields of its case."""
-        note, braked = self.note * (i in self.efforts), self.braking.get(i, ())
-        effort = self.efforts.get(i, np.nan)
-        return {"stop_effort": effort, "stop_note": note, "braking": braked}
-
-
-@dataclass(frozen=True)
-class DriveChoice:
-    """Drives taken, by their columns: those that fit, provisional ones, the closest ones.
-
-    Attributes:
-        demanded: what they were held against beside the cycle.
-        passes, settled, open_stops: as of `SizingReport`.
-    """
-
-    taken: Mapping[int, Assessment]
-    demanded: Demanded
-    passes: int = 0
+    rounds: int = 0
     settled: bool = True
-    open_stops: Mapping[int, float] = field(default_factory=dict)
 
-    def fitting(self, i: int) -> Assessment | None:
-        """Return a joint's drive, if it fits."""
-        taken = self.taken.get(i)
-        return taken if taken is not None and taken.fits else None
+    @property
+    def products(self) -> Products:
+        """Names of the drives taken, by column."""
+        return frozenset((i, assessment.name) for i, assessment in self.taken.items())
 
     @property
     def mass(self) -> float:
         """Of all drives, as far as it is known, kg."""
         return sum(a.mass or 0.0 for a in self.taken.values())
 
+    def stops(self, i: int) -> dict[str, Any]:
+        """Return what is known of a joint's stops, as fields of its case."""
+        note, braked = self.note * (i in self.efforts), self.braking.get(i, ())
+        effort = self.efforts.get(i, np.nan)
+        return {"stop_effort": effort, "stop_note": note, "braking": braked}
 
-def _names(taken: Mapping[int, Assessment]) -> dict[int, str]:
-    return {i: assessment.name for i, assessment in taken.items()}
+    def ban(self, i: int, name: str) -> Choice:
+        """Return the choice in which a joint may not take a drive again."""
+        banned = self.banned.get(i, frozenset()) | {name}
+        return replace(self, banned={**self.banned, i: banned})
 
 
-def bearing_stops(task: Task, demanded: Demanded | None = None) -> DriveChoice:
-    """Choose drives whose gears bear the peaks of all joints' stops with these drives.
+#: A question: of a choice, its answer, which is the same choice if nothing is new.
+Question = Callable[[Task, Memory, Choice], Choice]
+
+
+def asked(task: Task, memory: Memory, choice: Choice, i: int, alone: str = "") -> Asked | None:
+    """Return the drives of the catalogue at a joint; arguments as of `Memory.load`."""
+    load = memory.load(task, i, task.added(choice.taken), choice.solved, alone)
+    banned = choice.banned.get(i, frozenset())
+    return memory.asked(task, i, load, choice.stops(i), banned, choice.most)
+
+
+# ------------------------------------------------------------------------------ the questions
+
+
+def drives(task: Task, memory: Memory, choice: Choice) -> Choice:
+    """The drive of each joint, from the tips to the base, and what joints must have together."""
+    conditions, own = task.conditions, dict[int, Asked]()
+    whole = bool(conditions.same_drive) or conditions.lowest_frequency is not None
+    taken, count = dict(choice.taken), len(task.scene.drives)
+    for k, i in enumerate(tip_to_base(task.scene), start=1):
+        task.progress(
+            f"round {choice.rounds + 1}: {task.scene.drives[i].name}, drive {k} of {count}"
+        )
+        found = asked(task, memory, replace(choice, taken=taken), i)
+        if found is None:
+            continue
+        own[i] = found
+        if not whole or i not in taken:  # else of the set as a whole
+            taken.pop(i, None)
+            taken |= {} if found.best is None else {i: found.best}
+    if whole:
+        key = "set", tuple((i, id(found)) for i, found in own.items())
+        if key not in memory.found:
+            best = {i: found.best for i, found in own.items() if found.best is not None}
+            searches = {i: found.search for i, found in own.items()}
+            memory.found[key] = together(task, searches, best)
+        taken = memory.found[key]
+    same = taken.keys() == choice.taken.keys()
+    if same and all(a is choice.taken[i] for i, a in taken.items()):
+        return choice
+    return replace(choice, taken=taken)
+
+
+def load(task: Task, memory: Memory, choice: Choice) -> Choice:
+    """Inverse dynamics with the masses of the drives taken."""
+    added = task.added(choice.taken)
+    solved = frozenset((k, m) for k, m in added.items() if m and carried(task.scene, k))
+    if task.robot.exact or solved == choice.solved:  # exact: solved with each joint's load
+        return choice
+    return replace(choice, solved=solved)
+
+
+def peaks(task: Task, memory: Memory, choice: Choice) -> Choice:
+    """What all gears must bear in stops, by algebra.
 
     Only the peaks of the last choice count, so that the result depends on no earlier one; where
     choices come back, the largest of all. Where no simulation of the stops follows, gears must bear
     1.3 times the peaks. A rating alone demands no stops unless the scene has `stops`.
     """
-    choice, scene, seen = choose(task, demanded or Demanded()), task.scene, list[dict[int, str]]()
-    if task.catalog is None:
+    taken, products, scene = choice.taken, choice.products, task.scene
+    only_rated = task.rating is not None and not task.rating.cycles
+    if products == choice.borne or (only_rated and scene.stops is None):
         return choice
-    for _ in range(_MOST_PASSES):
-        taken, before = choice.taken, choice.demanded
-        if scene.stops is None and not any(a.candidate.brake for a in taken.values()):
-            break
-        # 1. What the gears must bear with this choice
-        fit = len(taken) == len(scene.drives) and all(a.fits for a in taken.values())
-        factor = 1.0 if task.stops_once and fit else _NOT_SIMULATED
-        try:
-            most, powered = _stop_peaks(task, taken)
-        except StopError:  # the simulation says what is missing
-            break
-        if np.isnan(most).any():
-            return replace(choice, open_stops=dict.fromkeys(taken, np.nan))
-        peaks = {i: max(factor * float(most[i]), before.least.get(i, 0.0)) for i in taken}
-        if task.rating is not None and not task.rating.cycles and scene.stops is None:
-            return replace(choice, open_stops=peaks)
-        if _names(choice.taken) in seen:
-            peaks |= {i: max(x, peaks[i]) for i, x in before.efforts.items() if i in peaks}
-        note = f"{factor:g} x " * (factor > 1.0) + "the peak in stops of all joints"
-        after = replace(before, efforts=peaks, note=note)
-        if not before.efforts and not overloaded(peaks, taken) and not powered:
-            stopped = {i: a.where(**after.of_stops(i)) for i, a in taken.items()}
-            return replace(choice, taken=stopped, demanded=after)  # it stays the lightest
-        # 2. The choice that bears it
-        seen.append(_names(choice.taken))
-        braked = {
-            i: tuple(drive_cycle(x, i, np.zeros(len(x.effort_lower), dtype=bool)) for x in powered)
-            for i in taken
-        }
-        task.progress("gears that bear the stops of all joints together")
-        again = choose(task, replace(after, braking=braked))
-        choice = replace(again, passes=choice.passes + again.passes)
-        if _names(choice.taken) == seen[-1]:
-            break
-    return choice
+    found = _stop_peaks(task, memory, choice)
+    if found is None or np.isnan(found[0]).any():
+        return choice
+    most, powered = found
+    fit = len(taken) == len(scene.drives) and all(a.fits for a in taken.values())
+    factor = 1.0 if task.stops_once and fit else _NOT_SIMULATED
+    efforts = {i: max(factor * float(most[i]), choice.least.get(i, 0.0)) for i in taken}
+    if products in choice.seen:
+        efforts |= {i: max(x, efforts[i]) for i, x in choice.efforts.items() if i in efforts}
+    braked = {
+        i: tuple(drive_cycle(x, i, np.zeros(len(x.effort_lower), dtype=bool)) for x in powered)
+        for i in (taken if powered else ())
+    }
+    return replace(
+        choice,
+        efforts=efforts,
+        note=f"{factor:g} x " * (factor > 1.0) + "the peak in stops of all joints",
+        borne=products,
+        seen=choice.seen | {products},
+        braking=braked,
+    )
 
 
-def overloaded(peaks: Mapping[int, float], taken: Mapping[int, Assessment]) -> dict[int, float]:
-    """Return the peaks (N m or N), by column, that are more than gears bear."""
+def links(task: Task, memory: Memory, choice: Choice) -> Choice:
+    """Whether the links can hold their drives; else lighter drives, or drives that are added.
+
+    Lighter ones weigh at most the least of links' mass per drive; they may be provisional.
+    """
+    if choice.bare:
+        return choice
+    why, heavier = contradiction(task, choice.taken), choice.heavier
+    if heavier is not None:
+        fit = choice.taken.keys() == heavier.taken.keys()
+        if fit and not why and all(a.fits or a.would for a in choice.taken.values()):
+            return choice
+        return replace(_anew(choice), bare=True, most=np.inf)
+    if not why:
+        return choice
+    each = held_drives(task.scene, dict.fromkeys(choice.taken, 1.0), task.conditions.mass_in_urdf)
+    most = min(held.links / held.drives for held in each if held.drives)
+    return replace(_anew(choice), most=most, heavier=choice, links=why)
+
+
+def _anew(choice: Choice) -> Choice:
+    """The choice of which no stops are known but those that were simulated."""
+    return replace(choice, efforts={}, borne=None, seen=frozenset())
+
+
+def stops(task: Task, memory: Memory, choice: Choice) -> Choice:
+    """What gears must bear in simulated stops that overload them: 1.02 times their peaks."""
+    found = simulated_stops(task, memory, choice)[0]
+    if found is None or choice.simulated == _STOPPED_AGAIN:
+        return choice
+    short = _overloaded({i: axis.peak for i, axis in enumerate(found.axes)}, choice.taken)
+    if not short:
+        return choice
+    least = {**choice.least, **{i: _STOP_RESERVE * peak for i, peak in short.items()}}
+    efforts = {**choice.efforts, **least}
+    return replace(choice, least=least, efforts=efforts, simulated=choice.simulated + 1)
+
+
+#: In the order of their cost; of drives alone, and of links and simulated stops as well.
+OF_DRIVES: Sequence[Question] = (drives, load, peaks)
+QUESTIONS: Sequence[Question] = (*OF_DRIVES, links, stops)
+
+
+def settle(
+    task: Task, memory: Memory, choice: Choice, questions: Sequence[Question] = QUESTIONS
+) -> tuple[Task, Choice]:
+    """Return the choice at which no question has a new answer, and what is sized by it.
+
+    Warns:
+        PinfricWarning: it still alternates after 200 rounds.
+    """
+    left, sized = Counter[tuple[int, str]](), task
+    if task.catalog is None:
+        return task, choice
+    for rounds in range(_MOST_ROUNDS):
+        choice = replace(choice, rounds=rounds)
+        after = next(
+            (new for ask in questions if (new := ask(sized, memory, choice)) is not choice), None
+        )
+        if after is None:
+            return sized, choice
+        for i, name in choice.products - after.products:  # of a whole question, not of each try
+            left[i, name] += 1
+            if left[i, name] == _FREE:
+                after = after.ban(i, name)
+        choice = after
+        if choice.bare:
+            sized = task.with_masses("without_drives")
+    warnings.warn(
+        f"the choice of drives still alternates after {_MOST_ROUNDS} rounds",
+        PinfricWarning,
+        stacklevel=4,
+    )
+    return sized, replace(choice, settled=False)
+
+
+# -------------------------------------------------------------------------------------- stops
+
+
+def open_stops(task: Task, memory: Memory, choice: Choice) -> dict[int, float]:
+    """Return what gears would bear in stops that the choice does not use, by column.
+
+    Of a rating alone, 1.3 times the peak by algebra; NaN where no algebra tells it.
+    """
+    found = _stop_peaks(task, memory, choice)
+    if found is None or choice.borne == choice.products:
+        return {}
+    return {i: _NOT_SIMULATED * float(found[0][i]) for i in choice.taken}
+
+
+def _overloaded(peaks: Mapping[int, float], taken: Mapping[int, Assessment]) -> dict[int, float]:
+    """The peaks (N m or N), by column, that are more than gears bear."""
     return {i: peak for i, peak in peaks.items() if i in taken and peak > momentary_peak(taken[i])}
 
 
 def _stop_peaks(
-    task: Task, taken: Mapping[int, Assessment]
-) -> tuple[np.ndarray, tuple[InverseResult, ...]]:
-    """Return `cycle_peaks` of a choice, the largest of all mountings, and `braking`.
+    task: Task, memory: Memory, choice: Choice
+) -> tuple[np.ndarray, tuple[InverseResult, ...]] | None:
+    """`cycle_peaks` of a choice, the largest of all mountings, and `braking`.
 
-    NaN: several drives share a motion, or do not determine it. A brake's least inertia counts: a
-    heavy rotor relieves its gear. Without `stops` in the scene all brakes close at once.
+    None: there are no stops, or a simulation will say what they lack. NaN: drives share a motion,
+    or do not determine it. A brake's least inertia counts: a heavy rotor relieves its gear. Without
+    `stops` in the scene all brakes close at once.
     """
-    if task.scene.mobility.redundant:
-        return np.full(len(task.scene.drives), np.nan), ()
-    stops, chosen = task.scene.stops, dict[int, Candidate]()
-    for i, candidate in ((i, a.candidate) for i, a in taken.items()):
+    scene, given = task.scene, task.scene.stops
+    if task.catalog is None:
+        return None
+    if given is None and not any(a.candidate.brake for a in choice.taken.values()):
+        return None
+    if scene.mobility.redundant:
+        return np.full(len(scene.drives), np.nan), ()
+    key = "peaks", choice.products, frozenset(task.added(choice.taken).items())
+    if key not in memory.found:
+        task.progress("peaks of all gears in stops, by algebra")
+        try:
+            memory.found[key] = _algebra(task, choice, given)
+        except StopError:
+            memory.found[key] = None
+    found: tuple[np.ndarray, tuple[InverseResult, ...]] | None = memory.found[key]
+    return found
+
+
+def _algebra(
+    task: Task, choice: Choice, given: Stops | None
+) -> tuple[np.ndarray, tuple[InverseResult, ...]]:
+    chosen = dict[int, Candidate]()
+    for i, candidate in ((i, a.candidate) for i, a in choice.taken.items()):
         if (gear := candidate.transmission) is not None and gear.brake and candidate.brake_entry:
-            brake = gear.brake.model_copy(update={} if stops else {"engage_time": None})
+            brake = gear.brake.model_copy(update={} if given else {"engage_time": None})
             low, high = candidate.brake_entry.inertia_ends
             inertia = gear.rotor_inertia - (high - low)
             gear = gear.model_copy(update={"rotor_inertia": inertia, "brake": brake})
@@ -360,7 +334,7 @@ def _stop_peaks(
         gravity = robot.scene.model.gravity.linear
         turned = scene.with_(gravity=gravity) if words else scene
         motion = task.one_cycle(turned, robot)
-        settings = stops or Stops(category=0, reaction_time=0.0)
+        settings = given or Stops(category=0, reaction_time=0.0)
         machines = Machines(turned, settings, full_load(turned, motion))
         powered = braking(machines, motion)
         most = np.maximum(most, cycle_peaks(machines, motion, powered))
@@ -368,182 +342,47 @@ def _stop_peaks(
     return most, tuple(powers)
 
 
-def choose(task: Task, demanded: Demanded) -> DriveChoice:
-    """Return the lightest drives that fit, each with the masses of those beyond it in the model.
-
-    Warns:
-        PinfricWarning: it still alternates after twelve passes.
-    """
-    taken: dict[int, Assessment] = {}
-    if task.catalog is None:
-        return DriveChoice(taken, demanded)
-    seen: list[dict[int, Assessment]] = []
-    for passes in range(1, _MOST_PASSES + 1):
-        before = _names(taken)
-        searches: dict[int, DriveSearch] = {}
-        for i in tip_to_base(task.scene):
-            task.progress(f"pass {passes}: {task.scene.drives[i].name}")
-            search = search_at(task, i, task.added(taken), demanded)
-            if search is None:
-                continue
-            searches[i] = search
-            best = search.lightest() or provisional(search) or search.nearest()
-            taken.pop(i, None)
-            if best is not None:
-                taken[i] = best
-        if task.conditions.lowest_frequency is not None:
-            taken = _together(task, taken, searches)
-        taken |= _shared(task, taken, searches)
-        exact = {k: m for k, m in task.added(taken).items() if m and carried(task.scene, k)}
-        if _names(taken) == before and (task.robot.exact or task.robot.last.masses == exact):
-            return DriveChoice(taken, demanded, passes)
-        for robot in task.robots.values():
-            robot.solve(task.added(taken))
-        demanded = _ban(task, demanded, seen, taken)
-    warnings.warn(
-        f"the choice of drives still alternates after {_MOST_PASSES} passes",
-        PinfricWarning,
-        stacklevel=4,
-    )
-    return DriveChoice(taken, demanded, _MOST_PASSES, settled=False)
+def simulated_stops(task: Task, memory: Memory, choice: Choice) -> tuple[StopResult | None, str]:
+    """Return the simulated stops of a choice, or None and why there are none, else empty."""
+    scene, catalog = task.scene, task.catalog
+    columns = range(len(scene.drives))
+    fit = all(choice.taken[i].fits if i in choice.taken else task.is_unloaded(i) for i in columns)
+    if scene.stops is None or catalog is None or not fit:
+        return None, ""
+    if not task.stops_once:
+        what = "judged for one cycle, not for a duty of several or a rating alone"
+        return None, f"stops: {what}"
+    names = sorted({a.candidate.brake for a in choice.taken.values()} - {""})
+    if slow := [n for n in names if catalog.brakes[n].engage_time is None]:
+        return None, (
+            f"stops: {', '.join(slow)} of the catalogue has no `engage_time`; give it the time "
+            "(s) from power-off until it holds, as its maker states it"
+        )
+    key = "stops", choice.products, frozenset(task.added(choice.taken).items())
+    if key not in memory.found:
+        memory.found[key] = _simulated(task, choice)
+    found: tuple[StopResult | None, str] = memory.found[key]
+    return found
 
 
-def search_at(
-    task: Task, i: int, masses: Mapping[int, float], demanded: Demanded
-) -> DriveSearch | None:
-    """Return the drives of the catalogue at a joint; None: it takes none.
+def _simulated(task: Task, choice: Choice) -> tuple[StopResult | None, str]:
+    task.progress("stops of the chosen drives")
+    chosen = {i: a.candidate for i, a in choice.taken.items()}
+    scene = equip(task.scene, chosen, task.conditions)
+    motion: Trajectory = task.one_cycle(scene, task.robot)
+    products = {scene.drives[i].name: drive.name for i, drive in chosen.items()}
+    load, settings = full_load(scene, motion), stop_settings(scene, None)
 
-    Args:
-        i: the drive's column. masses: that other drives add, kg, by their columns.
-    """
-    catalog = task.catalog
-    if catalog is None or driven_joint(task.scene, i) is None or task.is_unloaded(i):
-        return None
-    linear = effort_unit(task.scene, i) == "N"
-    name, arrays = task.scene.drives[i].name, task.arrays[linear]
-    own = own_parts(catalog, task.conditions, name, linear)
-    if (taken := task.conditions.take.get(name)) is not None:
-        arrays = arrays.only(taken)
-    parts = Parts(own, demanded.banned.get(i, frozenset()), demanded.most)
-    first, *others = cases(task, i, masses, demanded).values()
-    return DriveSearch(arrays, first, parts, [DriveSearch(arrays, x, parts) for x in others])
+    def tell(done: int, total: int) -> None:
+        task.progress(f"stops of the chosen drives: {done} of about {total}")
+
+    try:
+        return stops_of(Machines(scene, settings, load, products), motion, tell), ""
+    except StopError as problem:
+        return None, str(problem)
 
 
-def cases(
-    task: Task, i: int, masses: Mapping[int, float], demanded: Demanded
-) -> dict[tuple[str, str], JointCase]:
-    """Return a joint for each part of a rating and mounting, that of largest RMS effort first.
-
-    A brake holds the largest load of all mountings, where their motions differ in every pose.
-
-    Args: as of `search_at`.
-    """
-    stops = demanded.of_stops(i)
-    of_joint = {
-        (part, mounting): robot.case(i, masses, schedule)._replace(**stops)
-        for mounting, robot in task.robots.items()
-        for part, schedule in (
-            {"": None} if robot.rating is None else robot.rating.means(i)
-        ).items()
-    }
-    if len(task.robots) > 1:
-        rests = [case.rest for case in of_joint.values() if case.rest is not None]
-        loads = [np.abs(demand.load) for demand in rests]
-        alike = len({len(load) for load in loads}) == 1
-        most = np.max(loads, axis=0) if alike else max(load.max() for load in loads)
-        peak = max(demand.peak for demand in rests)
-        of_joint = {
-            key: case._replace(
-                rest=case.rest and case.rest._replace(load=most + 0.0 * case.rest.load, peak=peak)
-            )
-            for key, case in of_joint.items()
-        }
-    effort = {key: rms(c.cycle.stretched, c.cycle.ends[0]) for key, c in of_joint.items()}
-    return {key: of_joint[key] for key in sorted(of_joint, key=lambda key: -effort[key])}
-
-
-def _ban(
-    task: Task,
-    demanded: Demanded,
-    seen: list[dict[int, Assessment]],
-    taken: Mapping[int, Assessment],
-) -> Demanded:
-    """Ban the lightest alternating drive at the outermost joint where a choice comes back."""
-    names, before = _names(taken), [_names(choice) for choice in seen]
-    seen.append(dict(taken))
-    if len(before) >= _PATIENCE and names in before[:-1]:
-        for i in tip_to_base(task.scene):
-            alternating = [choice.get(i) for choice in seen[before.index(names) :]]
-            mass = {a.name: a.mass or 0.0 for a in alternating if a is not None}
-            if len(mass) + (None in alternating) > 1:
-                banned = demanded.banned.get(i, frozenset()) | {min(mass, key=mass.__getitem__)}
-                return replace(demanded, banned={**demanded.banned, i: banned})
-    return demanded
-
-
-def _together(
-    task: Task, taken: dict[int, Assessment], searches: Mapping[int, DriveSearch]
-) -> dict[int, Assessment]:
-    """Return the lightest set that swings no slower than `lowest_frequency`, or `taken`."""
-    wanted, scene = task.conditions.lowest_frequency, task.scene
-    turning = [i for i in sorted(searches) if not searches[i].arrays.linear]
-    fronts = [searches[i].front() for i in turning]
-    if wanted is None or scene.loops or not turning or not all(fronts):
-        return taken
-    task.progress(f"drives that swing at {wanted:g} Hz together")
-    others = {i: m for i, m in task.added(taken).items() if i not in turning}
-    table = [
-        [
-            (
-                a.mass or 0.0,
-                stiffness_of(a),
-                task.added({i: a}).get(i, 0.0) if carried(scene, i) else 0.0,
-            )
-            for a in front
-        ]
-        for i, front in zip(turning, fronts, strict=True)
-    ]
-    picked, _ = stiff_enough(_arm(task, turning, others, wanted), table)
-    if picked is None:
-        return taken
-    return taken | {i: front[p] for i, front, p in zip(turning, fronts, picked, strict=True)}
-
-
-def _arm(
-    task: Task, turning: Sequence[int], others: Mapping[int, float], frequency: float
-) -> SwingingArm:
-    robot, scene = task.robot, task.scene
-    states = robot.base.result.states
-    poses = np.flatnonzero(np.append(True, (states.q[1:] != states.q[:-1]).any(axis=1)))
-    own = [scene.drives[i].velocity_index for i in turning]
-    still = robot.mass_matrices(others, poses)
-    per_mass = np.zeros((len(turning), len(poses), len(own), len(own)))
-    for k, i in enumerate(turning):
-        if carried(scene, i):
-            more = robot.mass_matrices({**others, i: 1.0}, poses) - still
-            per_mass[k] = more[:, own][:, :, own]
-    return SwingingArm(still[:, own][:, :, own], per_mass, frequency)
-
-
-def _shared(
-    task: Task, taken: Mapping[int, Assessment], searches: Mapping[int, DriveSearch]
-) -> dict[int, Assessment]:
-    """Return the lightest motor and gear of each group of `same_drive` that fits all its joints."""
-    shared: dict[int, Assessment] = {}
-    for group in task.conditions.same_drive:
-        own = [i for i in map(task.scene.actuator_names.index, group) if i in searches]
-        if not own:
-            continue
-        heaviest = max(own, key=lambda i: taken[i].mass or 0.0 if i in taken else 0.0)
-        for _, _, *drive in searches[heaviest].offers():
-            judged = {i: searches[i].judge(*drive) for i in own}
-            banned = {a.name for a in judged.values()} & {
-                name for i in own for name in searches[i].parts.banned
-            }
-            if all(a.fits for a in judged.values()) and not banned:
-                shared |= judged
-                break
-    return shared
+# -------------------------------------------------------------------------------------- links
 
 
 def contradiction(task: Task, taken: Mapping[int, Assessment]) -> str:
@@ -559,30 +398,17 @@ def contradiction(task: Task, taken: Mapping[int, Assessment]) -> str:
     )
 
 
-def light_enough(task: Task, choice: DriveChoice) -> tuple[DriveChoice, str] | None:
-    """Return a choice of drives that the links can hold, and what is said of it, or None.
-
-    Each drive weighs at most the least of links' mass per drive; it may be provisional.
-    """
-    each = held_drives(task.scene, dict.fromkeys(choice.taken, 1.0), task.conditions.mass_in_urdf)
-    most = min(held.links / held.drives for held in each if held.drives)
-    light = bearing_stops(task, replace(choice.demanded, efforts={}, most=most))
-    fit = light.taken.keys() == choice.taken.keys()
-    fit = fit and all(a.fits or a.would for a in light.taken.values())
-    if not fit or contradiction(task, light.taken):
-        return None
-    why = contradiction(task, choice.taken).partition(" of drives: ")[0]
-    return light, (
-        f"{why} of drives that can be signed: lighter ones, of at most {most:.2g} kg each, are "
-        "provisional, or write `without_drives`"
+def said_of_links(choice: Choice) -> str:
+    """Return what is said of links that cannot hold their drives; else empty."""
+    heavier = choice.heavier
+    if heavier is None:
+        return ""
+    if choice.bare:
+        return (
+            f"{choice.links}; {heavier.mass:.2f} kg of drives so, {choice.mass:.2f} kg where added"
+        )
+    why = choice.links.partition(" of drives: ")[0]
+    return (
+        f"{why} of drives that can be signed: lighter ones, of at most {choice.most:.2g} kg each, "
+        "are provisional, or write `without_drives`"
     )
-
-
-def brakes_of(catalog: Catalog, scene: Scene, conditions: Conditions) -> dict[str, Brake]:
-    """Return the brakes that a robot may have and open, the smallest first.
-
-    Where the scene has `stops`, those with an `engage_time`, if there are any.
-    """
-    brakes = opened(catalog.brakes, conditions)
-    timed = {n: brake for n, brake in brakes.items() if brake.engage_time is not None}
-    return ranked(brakes if scene.stops is None else timed or brakes)

@@ -480,11 +480,26 @@ class _GearAtJoint:
     margin: float
 
 
+@dataclass
+class Known:
+    """What was found of drives at one load, whatever stops demand and whatever is banned.
+
+    Attributes:
+        rows: of group and gear. margins: `DriveSearch.margins` of these, and masses, of each motor.
+        judged: of group, gear and motor.
+    """
+
+    rows: dict[tuple[int, int], _GearAtJoint] = field(default_factory=dict)
+    margins: dict[tuple[int, int], tuple[np.ndarray, np.ndarray]] = field(default_factory=dict)
+    judged: dict[tuple[int, int, int], Assessment] = field(default_factory=dict)
+
+
 class DriveSearch:
     """The drives of a catalogue at one joint.
 
     Args:
         beside: searches of the same arrays for other cases: a drive is judged where it fits worst.
+        known: by searches at the same load; None: nothing.
     """
 
     def __init__(
@@ -493,9 +508,10 @@ class DriveSearch:
         case: JointCase,
         parts: Parts,
         beside: Sequence[DriveSearch] = (),
+        known: Known | None = None,
     ) -> None:
         self.arrays, self.case, self.parts, self.beside = arrays, case, parts, beside
-        self._rows: dict[tuple[int, int], _GearAtJoint] = {}
+        self._known = Known() if known is None else known
         self._source, self._found = self._offers(), list[tuple[float, float, int, int, int]]()
         self._judged: dict[tuple[int, int, int], Assessment] = {}
 
@@ -533,8 +549,8 @@ class DriveSearch:
         return min((float(x) for x in margins if not np.isnan(x)), default=np.inf)
 
     def _row(self, b: int, g: int) -> _GearAtJoint:
-        if (b, g) in self._rows:
-            return self._rows[b, g]
+        if (b, g) in self._known.rows:
+            return self._known.rows[b, g]
         group, case = self.arrays.groups[b], self.case
         bare = replace(group.bare(g), **self.parts.own)
         cycle, scale = case.cycle, bare.ratio if bare.at_output else 1.0
@@ -552,7 +568,7 @@ class DriveSearch:
             self._brakes(group, g, bare),
             self._of_entry(bare),
         )
-        self._rows[b, g] = row
+        self._known.rows[b, g] = row
         return row
 
     def _brakes(self, group: _Group, g: int, bare: Candidate) -> list[list[Brake | None]]:
@@ -606,6 +622,14 @@ class DriveSearch:
 
     def margins(self, b: int, gears: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return (n, nm) upper bounds of some gears' margins with every motor, and their masses."""
+        known = self._known.margins
+        if new := [int(g) for g in gears if (b, int(g)) not in known]:
+            for g, *found in zip(new, *self._margins(b, np.array(new)), strict=True):
+                known[b, g] = found[0], found[1]
+        least, mass = zip(*(known[b, int(g)] for g in gears), strict=True)
+        return np.array(least), np.array(mass)
+
+    def _margins(self, b: int, gears: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         group, conditions = self.arrays.groups[b], self.case.conditions
         rows = [self._row(b, int(g)) for g in gears]
         mm, ma, aa, hh, hm, ha = np.array([row.means for row in rows]).T[:, :, None]
@@ -735,7 +759,13 @@ class DriveSearch:
             candidate = replace(group.make(g, m), **self.parts.own)
             missing = (*self.gear_lacks(group, g), *group.motor_lacks[m])
             row = self._row(b, g) if candidate.transmission is not None else None
-            own = self.assess(candidate, missing, row)
+            own = self._known.judged.get((b, g, m))
+            if own is None or self.case.braking:  # the motor must brake, too
+                own = self.assess(candidate, missing, row)
+            if not self.case.braking:
+                self._known.judged[b, g, m] = own
+            case = self.case
+            own = own.where(stop_effort=case.stop_effort, stop_note=case.stop_note)
             judged = (own, *(search.judge(b, g, m) for search in self.beside))
             self._judged[b, g, m] = min(judged, key=lambda a: (a.fits, a.margin))
         return self._judged[b, g, m]

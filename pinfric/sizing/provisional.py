@@ -30,6 +30,8 @@ if TYPE_CHECKING:  # it is above this module
 
 #: Drives that are judged in full, the lightest of fewest missing figures first.
 _TRIED = 200
+#: Gears whose bounds are computed together.
+_AT_A_TIME = 64
 #: Rows of a motor's heat, all of its continuous torque.
 _HEAT = ("continuous torque", "short-term torque", "overloaded standstill", "standstill")
 #: Doublings, then halvings, that find the largest inertia.
@@ -55,19 +57,23 @@ def _by_stall(entry: Gear | GearMotor) -> bool:
 def _offers(search: DriveSearch) -> Iterator[tuple[int, float, int, int, int]]:
     """Yield missing figures, mass, group, gear and motor of what no bound rules out."""
     for b, group in enumerate(search.arrays.groups):
-        for g in range(len(group.names)):
-            own = search.gear_lacks(group, g)
-            if not set(own) <= PROVISIONAL or search.gear_margins[b][g] < 0:
-                continue
-            mass = group.mass[g]
-            able = group.fits[g] & np.isfinite(mass) & (mass <= search.parts.most)
-            if not own:
-                able &= ~group.signable
-            # else no bound is known: more inertia may help, and a servo may run hot
-            if not EXTRA_INERTIAS & {*own} and not _by_stall(group.entries[g]):
-                able &= ~(search.margins(b, np.array([g]))[0][0] < 0)
+        able = _able(search, b)
+        # of others no bound is known: more inertia may help, and a servo may run hot
+        bounded = [
+            g
+            for g in able
+            if not EXTRA_INERTIAS & {*search.gear_lacks(group, g)}
+            and not _by_stall(group.entries[g])
+        ]
+        for k in range(0, len(bounded), _AT_A_TIME):
+            gears = bounded[k : k + _AT_A_TIME]
+            for g, least in zip(gears, search.margins(b, np.array(gears))[0], strict=True):
+                able[g] &= ~(least < 0)
+        for g, motors_able in able.items():
+            own, mass = search.gear_lacks(group, g), group.mass[g]
             of_lacks: dict[frozenset[str], list[int]] = {}
-            for m in np.flatnonzero(able)[np.argsort(mass[able], kind="stable")].tolist():
+            some = np.flatnonzero(motors_able)
+            for m in some[np.argsort(mass[some], kind="stable")].tolist():
                 of_lacks.setdefault(frozenset(group.motor_lacks[m]), []).append(m)
             for theirs, motors in of_lacks.items():
                 lacks = {*own, *theirs}
@@ -75,6 +81,19 @@ def _offers(search: DriveSearch) -> Iterator[tuple[int, float, int, int, int]]:
                     continue  # of a motor nothing stands in for it
                 if lacks <= PROVISIONAL and 0 < len(lacks) <= 3:
                     yield from ((len(lacks), float(mass[m]), b, g, m) for m in motors[:_TRIED])
+
+
+def _able(search: DriveSearch, b: int) -> dict[int, np.ndarray]:
+    """Gears that lack no more than a provisional drive may, and (nm,) motors that go with each."""
+    group, found = search.arrays.groups[b], dict[int, np.ndarray]()
+    for g in range(len(group.names)):
+        own = search.gear_lacks(group, g)
+        if set(own) <= PROVISIONAL and not search.gear_margins[b][g] < 0:
+            mass = group.mass[g]
+            found[g] = group.fits[g] & np.isfinite(mass) & (mass <= search.parts.most)
+            if not own:
+                found[g] &= ~group.signable
+    return {g: able for g, able in found.items() if able.any()}
 
 
 def _judged(search: DriveSearch, b: int, g: int, m: int, hot: bool) -> Assessment | None:

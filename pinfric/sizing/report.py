@@ -29,9 +29,9 @@ from pinfric.errors import SizingError, choose_from
 from pinfric.model.brief import counted, file_name, listed, screen
 from pinfric.model.scene import Scene
 from pinfric.model.upward import Shown
-from pinfric.sizing.choice import brakes_of
 from pinfric.sizing.drive_search import Ask, Assessment, DriveSearch, momentary_peak
 from pinfric.sizing.elastic_arm import arm_criteria, reversal_criteria
+from pinfric.sizing.task import brakes_of
 from pinfric.sizing.verdict import JointState, JointVerdict, Verdict
 from pinfric.stops.study import StopResult
 

@@ -21,7 +21,7 @@ from pinfric.drives.policy import Conditions, parse_conditions
 from pinfric.drives.robot import carried, equip
 from pinfric.dynamics.inverse.inverse import inverse_dynamics
 from pinfric.dynamics.samples.states import MotionLike
-from pinfric.errors import PinfricWarning, SizingError, StopError
+from pinfric.errors import PinfricWarning, SizingError
 from pinfric.model.brief import file_name
 from pinfric.model.scene import Scene, expect_scene
 from pinfric.model.schema import OTHERS
@@ -30,26 +30,20 @@ from pinfric.motions.summary import beyond_limits, effort_unit, moves_beyond, rm
 from pinfric.motions.trajectory import Trajectory
 from pinfric.sizing.caveats import caveats, discontinuities, unclosed
 from pinfric.sizing.choice import (
-    Demanded,
-    DriveChoice,
-    Task,
-    bearing_stops,
-    cases,
-    catalog_arrays,
+    OF_DRIVES,
+    Choice,
+    asked,
     contradiction,
-    light_enough,
-    overloaded,
-    search_at,
-    task_of,
+    open_stops,
+    said_of_links,
+    settle,
+    simulated_stops,
 )
+from pinfric.sizing.drive_search import Assessment
 from pinfric.sizing.elastic_arm import check_tool
+from pinfric.sizing.memory import Memory, cases
 from pinfric.sizing.report import JointSizing, SizingReport
-from pinfric.stops.machines import Machines, full_load, stop_settings
-from pinfric.stops.study import StopResult, stops_of
-
-#: How often a choice whose simulated stops overload a gear is made anew, and by which factor more
-#: than its peak the gear must then bear.
-_STOPPED_AGAIN, _STOP_RESERVE = 2, 1.02
+from pinfric.sizing.task import Task, catalog_arrays, task_of
 
 
 def size(
@@ -115,19 +109,11 @@ def size(
     trajectory, rating = _motion_of_rating(trajectory, rating)
     rated = None if rating is None else rate(scene, rating)
     arrays = {} if catalog is None else catalog_arrays(catalog, wanted, scene)
-    report = _sized(task_of(scene, trajectory, catalog, wanted, tell, arrays, rated))
-    if rated is not None and trajectory is not None and catalog is not None:
-        with warnings.catch_warnings():  # said already of both together
-            warnings.simplefilter("ignore", PinfricWarning)
-            apart = {
-                "cycle": bearing_stops(task_of(scene, trajectory, catalog, wanted, tell, arrays)),
-                "rating": bearing_stops(task_of(scene, None, catalog, wanted, tell, arrays, rated)),
-            }
-        joints = (
-            replace(joint, alone={name: choice.fitting(i) for name, choice in apart.items()})
-            for i, joint in enumerate(report.joints)
-        )
-        report = replace(report, joints=tuple(joints))
+    memory = Memory()
+    task, choice = settle(
+        task_of(scene, trajectory, catalog, wanted, tell, arrays, rated), memory, Choice()
+    )
+    report = _report(task, memory, choice)
     if on_miss == "raise":
         report.check()
     for text in report.verdict.failing if on_miss == "warn" else ():
@@ -164,32 +150,11 @@ def _motion_of_rating(
     return None, own
 
 
-def _sized(task: Task) -> SizingReport:
-    """Choose, report, simulate the stops; again with larger peaks where these overload gears."""
-    choice = bearing_stops(task)
-    impossible = contradiction(task, choice.taken)
-    if impossible and (light := light_enough(task, choice)) is not None:
-        choice, impossible = light
-    elif impossible:
-        task, mass = task.with_masses("without_drives"), choice.mass
-        choice = bearing_stops(task)
-        impossible += f"; {mass:.2f} kg of drives so, {choice.mass:.2f} kg where added"
-    for again in range(_STOPPED_AGAIN + 1):
-        report = _report(task, choice, impossible)
-        stops, why = _stopped(task, report)
-        axes = () if stops is None else stops.axes
-        short = overloaded({i: axis.peak for i, axis in enumerate(axes)}, choice.taken)
-        if not short or again == _STOPPED_AGAIN:
-            break
-        more = {i: _STOP_RESERVE * peak for i, peak in short.items()}
-        least = {**choice.demanded.least, **more}
-        efforts = {**choice.demanded.efforts, **least}
-        choice = bearing_stops(task, replace(choice.demanded, efforts=efforts, least=least))
-    return replace(report, stops=stops, no_stops=why, other_mass=_other_mass(task, choice))
-
-
-def _report(task: Task, choice: DriveChoice, impossible: str) -> SizingReport:
-    joints = tuple(_joint(task, choice, i) for i in range(len(task.scene.drives)))
+def _report(task: Task, memory: Memory, choice: Choice) -> SizingReport:
+    for robot in () if task.robot.exact else task.robots.values():
+        robot.solve(dict(choice.solved))
+    joints = tuple(_joint(task, memory, choice, i) for i in range(len(task.scene.drives)))
+    stops, no_stops = simulated_stops(task, memory, choice)
     chosen = {i: a.candidate for i, a in choice.taken.items()}
     equipped = equip(task.scene, chosen, task.conditions) if chosen else task.scene
     without, rating = task.robot.base.result, task.rating
@@ -208,7 +173,7 @@ def _report(task: Task, choice: DriveChoice, impossible: str) -> SizingReport:
         result=inverse_dynamics(equipped, task.motion) if chosen else without,
         result_without_masses=without,
         duty=task.duty,
-        passes=choice.passes,
+        passes=choice.rounds,
         settled=choice.settled,
         assumptions=caveats(
             task.given,
@@ -218,57 +183,35 @@ def _report(task: Task, choice: DriveChoice, impossible: str) -> SizingReport:
             beyond_limits(without),
         ),
         unclosed=gaps,
-        contradiction=impossible,
+        contradiction=said_of_links(choice),
+        stops=stops,
+        no_stops=no_stops,
+        other_mass=_other_mass(task, memory, choice),
         rating=rating,
         elsewhere=tuple(task.elsewhere),
         beyond=moves_beyond(without.scene, without.states.q[own], without.states.v[own]),
-        open_stops=choice.open_stops,
+        open_stops=open_stops(task, memory, choice),
     )
 
 
-def _other_mass(task: Task, choice: DriveChoice) -> float | None:
+def _other_mass(task: Task, memory: Memory, choice: Choice) -> float | None:
     scene = task.scene
     names, holds = scene.actuator_names, scene.masses_hold
     if not any(holds[i] is None and carried(scene, i) for i in choice.taken):
         return None
     bare = {n: "without_drives" for n, hold in zip(names, holds, strict=True) if hold is False}
     other = task.with_masses({**bare, OTHERS: "with_drives"})
-    held = bearing_stops(other, Demanded(most=choice.demanded.most))
+    held = settle(other, memory, Choice(most=choice.most), OF_DRIVES)[1]
     return None if contradiction(other, held.taken) else held.mass
 
 
-def _stopped(task: Task, report: SizingReport) -> tuple[StopResult | None, str]:
-    if task.scene.stops is None or task.catalog is None or any(j.no_fit for j in report.joints):
-        return None, ""
-    if not task.stops_once:
-        what = "judged for one cycle, not for a duty of several or a rating alone"
-        return None, f"stops: {what}"
-    names = sorted({drive.brake for drive in report.drives if drive} - {""})
-    if slow := [n for n in names if task.catalog.brakes[n].engage_time is None]:
-        return None, (
-            f"stops: {', '.join(slow)} of the catalogue has no `engage_time`; give it the time "
-            "(s) from power-off until it holds, as its maker states it"
-        )
-    task.progress("stops of the chosen drives")
-    motion = task.one_cycle(report.scene, task.robot)
-    pairs = zip(report.joints, report.drives, strict=True)
-    products = {joint.name: drive.name for joint, drive in pairs if drive}
-    load, settings = full_load(report.scene, motion), stop_settings(report.scene, None)
-    try:
-        return stops_of(Machines(report.scene, settings, load, products), motion), ""
-    except StopError as problem:
-        return None, str(problem)
-
-
-def _joint(task: Task, choice: DriveChoice, i: int) -> JointSizing:
+def _joint(task: Task, memory: Memory, choice: Choice, i: int) -> JointSizing:
     masses, drive = task.added(choice.taken), choice.taken.get(i)
-    of_joint = cases(task, i, masses, choice.demanded)
-    search = search_at(task, i, masses, choice.demanded)
+    of_joint, found = cases(task, i, masses), asked(task, memory, choice, i)
+    search = None if found is None else found.search
     # other scenes have motions of their own, which the tables do not show
     shown = {key: c for key, c in of_joint.items() if key[1] not in task.elsewhere}
-    same = {
-        n: c for n, c in shown.items() if drive and c.cycle.duty == drive.drives.case.cycle.duty
-    }
+    same = {n: c for n, c in shown.items() if drive and _alike(c, drive.drives.case)}
     decided, case = next(iter((same or shown).items()))
     robot = task.robots[decided[1]]
     demand = replace(joint_demand(robot.result, i, case.cycle), speed=case.demand.speed)
@@ -288,8 +231,26 @@ def _joint(task: Task, choice: DriveChoice, i: int) -> JointSizing:
         unloaded=task.is_unloaded(i),
         search=search,
         decided=" ".join(words for words in decided if words),
+        alone=_alone(task, memory, choice, i),
         mountings=_by_mounting(task, of_joint),
     )
+
+
+def _alike(a: JointCase, b: JointCase) -> bool:
+    """Whether the means of two cases are over the same cycles."""
+    return a.cycle.schedule.repeats == b.cycle.schedule.repeats
+
+
+def _alone(task: Task, memory: Memory, choice: Choice, i: int) -> dict[str, Assessment | None]:
+    """The drives that cycle and rating would take by themselves, in the arm that is chosen."""
+    if task.rating is None or not task.rating.cycles or task.catalog is None:
+        return {}
+    open_ = choice if task.scene.stops else replace(choice, efforts={}, note="", braking={})
+    found = {
+        "cycle": asked(task, memory, choice, i, "cycle"),
+        "rating": asked(task, memory, open_, i, "rating"),
+    }
+    return {name: None if one is None else one.search.lightest() for name, one in found.items()}
 
 
 def _by_mounting(
