@@ -339,8 +339,16 @@ def size(  # noqa: PLR0913 - options
     if taken := pairs(take, "--take", str):
         conditions = {**(conditions or {}), "take": taken}
     asked = _nested(pairs(rating, "--rating", number_or_name)) if rating else None
-    with working(f"sizing {len(scene.drives)} drives"):
-        report = size(scene, duty, catalog, rating=asked, conditions=conditions, on_miss="ignore")
+    with working(f"sizing {len(scene.drives)} drives") as tell:
+        report = size(
+            scene,
+            duty,
+            catalog,
+            rating=asked,
+            conditions=conditions,
+            on_miss="ignore",
+            progress=tell,
+        )
     if report.catalog is not None:
         run.read.extend(report.catalog.files)
     summary = sizing_summary(report)

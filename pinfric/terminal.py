@@ -343,17 +343,25 @@ def _repeated(line: Callable[[], str]) -> Iterator[None]:
 
 
 @contextmanager
-def working(what: str) -> Iterator[None]:
-    """Show that something takes time: on a terminal at once, else in a line each 10 s."""
+def working(what: str) -> Iterator[Callable[[str], None]]:
+    """Show that something takes time: on a terminal at once, else in a line each 10 s.
+
+    Gives a function of a line that says at what it is.
+    """
     if not sys.stderr.isatty():
-        began = time.monotonic()
-        with _repeated(lambda: f"{what}: {time.monotonic() - began:.0f} s so far"):
-            yield
+        began, steps = time.monotonic(), deque([""], maxlen=1)
+
+        def line() -> str:
+            step = f" ({steps[-1]})" if steps[-1] else ""
+            return f"{what}: {time.monotonic() - began:.0f} s so far{step}"
+
+        with _repeated(line):
+            yield steps.append
         return
     from rich.console import Console
 
-    with Console(stderr=True).status(what):
-        yield
+    with Console(stderr=True).status(what) as status:
+        yield lambda step: status.update(f"{what}: {step}")
 
 
 @contextmanager

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -296,6 +298,23 @@ def joint_demand(result: InverseResult, actuator: int, cycle: DriveCycle) -> Joi
         peak_frictionless=largest(bare),
         rms_frictionless=rms(t, bare),
     )
+
+
+def hardest(demands: Sequence[JointDemand]) -> JointDemand:
+    """Return the largest of each figure of several demands on one joint; the rest of the first."""
+
+    def most(values: Sequence[Any]) -> Any:
+        known = [x for x in values if x is not None]
+        if not known or isinstance(known[0], str | BearingLoad | GuideLoad):
+            return values[0]
+        if isinstance(known[0], Power):
+            return Power(*(max(x) for x in zip(*(vars(x).values() for x in known), strict=True)))
+        if isinstance(known[0], tuple):
+            return tuple(max(x) for x in zip(*known, strict=True))
+        return max(known)
+
+    names = (x.name for x in fields(demands[0]))
+    return replace(demands[0], **{x: most([getattr(one, x) for one in demands]) for x in names})
 
 
 def driven_joint(scene: Scene, actuator: int) -> int | None:

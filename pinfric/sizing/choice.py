@@ -6,10 +6,10 @@ drives' own moments of inertia, their offset from the axis, and gyroscopic torqu
 their share in other joints' inertias (1/r of r^2 J).
 
 The answer depends on a `Choice` alone. The questions of it are asked in the order of their cost,
-from the first one again after each new answer, until none has one. It ends: a drive that a joint
-has left three times is banned from it, links and simulated stops answer at most twice, and all
-other answers follow from the drives taken. So each drive was judged at the masses and the stops of
-all the drives that are chosen.
+from the first one again after each new answer, until none has one. It ends: where a joint leaves a
+drive for the third time the lighter of this and the next is banned from it, links and simulated
+stops answer at most twice, and all other answers follow from the drives taken. So each drive was
+judged at the masses and the stops of all the drives that are chosen.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ import warnings
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from time import monotonic
 from typing import Any
 
 import numpy as np
@@ -38,7 +39,7 @@ from pinfric.stops.machines import Machines, full_load, stop_settings
 from pinfric.stops.peaks import braking, cycle_peaks
 from pinfric.stops.study import StopResult, stops_of
 
-#: A drive that a joint has left so often is banned from it; and rounds that no choice needs.
+#: How often a joint may leave a drive before one is banned; and rounds that no choice needs.
 _FREE, _MOST_ROUNDS = 3, 200
 #: By which factor more than the peak by algebra a gear must bear where no simulation of the stops
 #: follows: simulated peaks are 0.68 to 1.15 of it, once 1.32.
@@ -238,9 +239,9 @@ QUESTIONS: Sequence[Question] = (*OF_DRIVES, links, stops)
 
 
 def settle(
-    task: Task, memory: Memory, choice: Choice, questions: Sequence[Question] = QUESTIONS
+    task: Task, memory: Memory, choice: Choice, questions: Sequence[Question]
 ) -> tuple[Task, Choice]:
-    """Return the choice at which no question has a new answer, and what is sized by it.
+    """Return what is sized, its links bare if they must be, and the choice that leaves no question.
 
     Warns:
         PinfricWarning: it still alternates after 200 rounds.
@@ -257,8 +258,9 @@ def settle(
             return sized, choice
         for i, name in choice.products - after.products:  # of a whole question, not of each try
             left[i, name] += 1
-            if left[i, name] == _FREE:
-                after = after.ban(i, name)
+            if left[i, name] >= _FREE:
+                two = (a for a in (choice.taken[i], after.taken.get(i)) if a is not None)
+                after = after.ban(i, min(two, key=lambda a: a.mass or 0.0).name)
         choice = after
         if choice.bare:
             sized = task.with_masses("without_drives")
@@ -373,8 +375,12 @@ def _simulated(task: Task, choice: Choice) -> tuple[StopResult | None, str]:
     products = {scene.drives[i].name: drive.name for i, drive in chosen.items()}
     load, settings = full_load(scene, motion), stop_settings(scene, None)
 
+    began = monotonic()
+
     def tell(done: int, total: int) -> None:
-        task.progress(f"stops of the chosen drives: {done} of about {total}")
+        left = (monotonic() - began) * (total - done) / done
+        count = f"{done} of about {total}, about {left:.0f} s left"
+        task.progress(f"stops of the chosen drives: {count}")
 
     try:
         return stops_of(Machines(scene, settings, load, products), motion, tell), ""

@@ -23,7 +23,7 @@ import numpy as np
 
 from pinfric.drives.brake import Stop, braking_torques, smallest_brake
 from pinfric.drives.catalog import Brake, Catalog, Gear, GearMotor, Motor, Stepper
-from pinfric.drives.criterion import STEPS, Criterion
+from pinfric.drives.criterion import STEPS, Criterion, Status
 from pinfric.drives.demand import largest, mean
 from pinfric.drives.drivetrain import (
     Candidate,
@@ -80,11 +80,13 @@ class Assessment:
         drives: as rows read it, without samples.
         lacks: figures of the policy that are not known: it cannot be signed.
         would: of a provisional drive, what these must be; else empty.
+        beside: the same drive in the joint's other cases, in which it has more in reserve.
     """
 
     drives: Candidates
     lacks: tuple[str, ...] = ()
     would: tuple[str, ...] = ()
+    beside: tuple[Assessment, ...] = field(default=(), repr=False)
 
     def where(self, **case: Any) -> Assessment:
         """Return the same drive with other fields of its joint's case."""
@@ -93,8 +95,14 @@ class Assessment:
 
     @cached_property
     def criteria(self) -> tuple[Criterion, ...]:
-        """In the order of the table, in words."""
-        return criteria(self.drives)
+        """In the order of the table, in words; of several cases the worst of each row."""
+        own = criteria(self.drives)
+        if not self.beside:
+            return own
+        found: dict[str, list[Criterion]] = {limit.name: [] for limit in LIMITS}
+        for row in (*own, *(row for other in self.beside for row in criteria(other.drives))):
+            found.setdefault(row.name, []).append(row)
+        return tuple(min(rows, key=_hardness) for rows in found.values() if rows)
 
     @cached_property
     def _margins(self) -> list[tuple[Limit, float]]:
@@ -181,6 +189,13 @@ class Assessment:
         """Why it is rejected; empty if it fits."""
         ask = [f"cannot be signed: ask for {', '.join((*self.lacks, *self.unknown))}"]
         return "; ".join([c.why for c in self.failed] or ask * (not self.fits))
+
+
+def _hardness(criterion: Criterion) -> tuple[int, float]:
+    """Order of one row in several cases: what fails, the least reserve, what is not known."""
+    order = (Status.FAILS, Status.PASSES, Status.NOT_CHECKED, Status.NOT_REQUIRED)
+    margin = np.inf if criterion.margin is None else criterion.margin
+    return order.index(criterion.status), margin
 
 
 def rank(assessment: Assessment) -> tuple[float, bool, float, str]:
@@ -767,7 +782,9 @@ class DriveSearch:
             case = self.case
             own = own.where(stop_effort=case.stop_effort, stop_note=case.stop_note)
             judged = (own, *(search.judge(b, g, m) for search in self.beside))
-            self._judged[b, g, m] = min(judged, key=lambda a: (a.fits, a.margin))
+            worst = min(judged, key=lambda a: (a.fits, a.margin))
+            others = tuple(a for a in judged if a is not worst)
+            self._judged[b, g, m] = replace(worst, beside=others) if others else worst
         return self._judged[b, g, m]
 
     def assess(

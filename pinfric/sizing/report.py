@@ -195,7 +195,8 @@ class SizingReport(Shown):
         joints: in the order of the scene's drives.
         result, result_without_masses: inverse dynamics of `scene`, and without the drives' masses.
         duty: the samples of each cycle of the period, and the number of its runs.
-        passes: over all joints until no choice changed. settled: whether that was reached.
+        passes: answers until no question of the choice had a new one (`sizing.choice`). settled:
+            whether that was reached.
         other_mass: where the scene does not say whether its links hold the drives: mass of the
             drives that would be chosen if they do, kg; None: it says, or the links are too light.
         contradiction: that links are said to hold drives that outweigh them; these were then added.
@@ -246,7 +247,7 @@ class SizingReport(Shown):
                 "misses": listed([joint.name for joint in self.joints if joint.no_fit]),
                 "mass": (f"{self.verdict.mass:.3g} kg of drives" if chosen else "no drive fits")
                 + f"; {settled} after "
-                + counted(self.passes, "pass", "passes"),
+                + counted(self.passes, "round"),
             }
         title = (
             f"{file_name(self.given.source)} · {file_name(self.trajectory)}: {self.period:.4g} s"
@@ -325,7 +326,7 @@ class SizingReport(Shown):
         # Of the robot as a whole: findings, the choice, masses, the bus, the stops
         failing += self._refused
         if not self.settled:
-            failing.append(f"the choice still alternates after {self.passes} passes")
+            failing.append(f"the choice still alternates after {self.passes} rounds")
         failing += [*impossible, *self._causes[len(self._refused) :]]
         failing += [*_failing("bus", self.bus.criteria), *whole]
         failing += [self.no_stops] if self.no_stops else []

@@ -12,7 +12,7 @@ import numpy as np
 
 from pinfric.drives.catalog import Catalog
 from pinfric.drives.catalog_file import load_catalog
-from pinfric.drives.demand import driven_joint, joint_demand
+from pinfric.drives.demand import driven_joint, hardest, joint_demand
 from pinfric.drives.drivetrain import motor_cycle
 from pinfric.drives.duty import Duty
 from pinfric.drives.limit import JointCase
@@ -31,6 +31,7 @@ from pinfric.motions.trajectory import Trajectory
 from pinfric.sizing.caveats import caveats, discontinuities, unclosed
 from pinfric.sizing.choice import (
     OF_DRIVES,
+    QUESTIONS,
     Choice,
     asked,
     contradiction,
@@ -110,9 +111,8 @@ def size(
     rated = None if rating is None else rate(scene, rating)
     arrays = {} if catalog is None else catalog_arrays(catalog, wanted, scene)
     memory = Memory()
-    task, choice = settle(
-        task_of(scene, trajectory, catalog, wanted, tell, arrays, rated), memory, Choice()
-    )
+    given = task_of(scene, trajectory, catalog, wanted, tell, arrays, rated)
+    task, choice = settle(given, memory, Choice(), QUESTIONS)
     report = _report(task, memory, choice)
     if on_miss == "raise":
         report.check()
@@ -214,7 +214,9 @@ def _joint(task: Task, memory: Memory, choice: Choice, i: int) -> JointSizing:
     same = {n: c for n, c in shown.items() if drive and _alike(c, drive.drives.case)}
     decided, case = next(iter((same or shown).items()))
     robot = task.robots[decided[1]]
-    demand = replace(joint_demand(robot.result, i, case.cycle), speed=case.demand.speed)
+    beside = [c for name, c in shown.items() if name[1] == decided[1] and c is not case]
+    demand = hardest([joint_demand(robot.result, i, c.cycle) for c in (case, *beside)])
+    demand = replace(demand, speed=case.demand.speed)
     base = robot.base.result
     motor = None
     if drive is not None and drive.motor is not None:

@@ -245,7 +245,7 @@ class SizingSummary:
     cycles: tuple[PeriodCycle, ...] = quantity("cycles of a period")
     off: float = quantity("time switched off in a period", "s")
     unclosed: tuple[str, ...] = quantity("states that differ between end and start of the cycle")
-    passes: int = quantity("passes over all joints until no choice changed")
+    passes: int = quantity("answers until no question of the choice had a new one")
     settled: bool = quantity("whether no choice changed in the last pass")
     drive_mass: float = quantity("mass of all drives in the model", "kg")
     joints: tuple[SizedJoint, ...] = quantity("in the order of the scene's drives")

@@ -1,5 +1,7 @@
 """The load on a gear when its brake closes, by hand, and the stops of the chosen drive."""
 
+import re
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -114,7 +116,8 @@ def test_stops_of_the_chosen_drive_are_in_the_report(braked):
 def test_the_stops_are_computed_while_it_sizes(tmp_path, monkeypatch):
     steps = []
     report = sized(tmp_path, progress=steps.append)
-    assert steps[-1] == "stops of the chosen drives"
+    assert "stops of the chosen drives" in steps
+    assert re.fullmatch(r"stops of .* drives: (\d+) of about \1, about 0 s left", steps[-1])
     monkeypatch.setattr("pinfric.stops.search.stop_motion", None)  # nothing is stopped later
     assert report.verdict.failing == ()
     assert report.stops.longest.time > 0.0
@@ -163,7 +166,7 @@ def test_a_gear_that_a_stop_overloads_gives_way_to_one_that_bears_it(tmp_path, m
     assert report.joints[0].choice.candidate.gear_name == "H"
     (found,) = [c for c in report.joints[0].choice.criteria if c.name == SHOCK]
     assert (found.required, found.available) == (110.0, 120.0)
-    assert steps.count("gears that bear the stops of all joints together") == 2
+    assert steps.count("peaks of all gears in stops, by algebra") == 2
     assert steps.count("stops of the chosen drives") == 1
     alone = one_drive(tmp_path, MOTOR, GEAR, brakes={"B": BRAKE})
     with pytest.raises(SizingError, match="no gear of the catalogue bears the stop"):

@@ -31,7 +31,8 @@ from pinfric.drives.criterion import Status
 from pinfric.drives.drivetrain import Ratings, motor_cycle, motor_with_gear, with_brake
 from pinfric.drives.limits import check
 from pinfric.drives.policy import NEEDS, kind_of, lacks
-from pinfric.sizing.choice import choose
+from pinfric.sizing.choice import QUESTIONS
+from pinfric.sizing.choice import drives as drives_of
 from pinfric.sizing.drive_search import CatalogArrays, DriveSearch, Parts, rank
 
 ARM = "ur10_machine_tending"
@@ -260,14 +261,14 @@ def test_the_choice_depends_on_no_other_drive_and_on_no_order(arm, count, monkey
     """Whatever was taken before gears had to bear its stops says what they must bear: it stays."""
     kept = set()
 
-    def recorded(*asked):
-        found = choose(*asked)
+    def recorded(*given):
+        found = drives_of(*given)
         made = [a.candidate for a in found.taken.values()]
         kept.update(part for one in made for part in (one.motor, one.gear_name))
         return found
 
     with monkeypatch.context() as patched:
-        patched.setattr("pinfric.sizing.choice.choose", recorded)
+        patched.setattr("pinfric.sizing.size.QUESTIONS", (recorded, *QUESTIONS[1:]))
         whole = sized(arm)
     rng = random.Random(count)
     for _ in range(count):

@@ -14,6 +14,7 @@ from pinfric.drives.criterion import Status
 from pinfric.drives.limits import SHOCK
 from pinfric.errors import CatalogError, SizingError, TrajectoryError
 from pinfric.model.described import in_json
+from pinfric.model.robot import read_robot
 from pinfric.motions.rating import rate
 from pinfric.show.pages.sizing import sizing_page
 from pinfric.show.report.sizing import rating_lines
@@ -274,3 +275,37 @@ def test_the_first_screen_says_what_the_robot_is_rated_for(tmp_path):
     )
     assert rating_lines(sizing_summary(report)) == [said]
     assert said in sizing_page(report)
+
+
+#: A lever of 0.35 m whose tool weighs 1 kg.
+LEVER = """<robot name="lever"><link name="base"/><link name="tool"><inertial>
+<origin xyz="0.35 0 0"/><mass value="1"/><inertia ixx="0.001" iyy="0.001" izz="0.001" ixy="0"
+ixz="0" iyz="0"/></inertial></link><joint name="j" type="revolute"><parent link="base"/>
+<child link="tool"/><axis xyz="0 -1 0"/><limit lower="-2" upper="2" effort="50" velocity="3"/>
+</joint></robot>"""
+
+
+def test_rows_beside_a_rating_show_the_worst_part_of_each(tmp_path):
+    """The holds decide the RMS; what wears the gear, and energy, are those of the cycle."""
+    (tmp_path / "lever.urdf").write_text(LEVER)
+    robot = read_robot(tmp_path / "lever.urdf", {})
+    scene = pf.Scene(robot.model, robot=robot, masses="with_drives", source="lever")
+    motion, parts = wave(scene, 1.0, 2.0), one_drive(tmp_path, {"continuous_torque": 5.0})
+    reports = [
+        pf.size(scene, motion, parts, on_miss="ignore", rating=rating, conditions={"life": 10.0})
+        for rating in (None, {"payload": 3.0, "payload_offset": 0.35})
+    ]
+    joints = [report.joints[0] for report in reports]
+    rows = [{c.name: c for c in joint.installed.criteria} for joint in joints]
+    assert joints[1].decided == "rating: hold"
+    for name in ("gear average torque", "gear average input speed", "gear life L10"):
+        alone, beside = (row[name] for row in rows)
+        figures = pytest.approx((alone.required, alone.available), rel=1e-9)
+        assert (beside.required, beside.available) == figures
+        assert beside.margin < 1.0
+    heat = [row["continuous torque"].required for row in rows]
+    assert heat[1] > 2.0 * heat[0]
+    alone, beside = (joint.demand for joint in joints)
+    assert (beside.duty, beside.hold_share) == (pytest.approx(alone.duty, rel=1e-9), 1.0)
+    assert beside.power.delivered == pytest.approx(alone.power.delivered, rel=1e-9) != 0.0
+    assert beside.rms > 2.0 * alone.rms

@@ -42,9 +42,11 @@ from pinfric.show.pages.sizing import sizing_page
 from pinfric.show.report.drives import product_lines
 from pinfric.show.report.sizing import friction_line, sizing_report
 from pinfric.sizing.caveats import caveats
-from pinfric.sizing.choice import Demanded, choose, task_of
+from pinfric.sizing.choice import OF_DRIVES, Choice, settle
 from pinfric.sizing.drive_search import Ask
+from pinfric.sizing.memory import Memory
 from pinfric.sizing.summary import sizing_summary, to_ask, unchecked
+from pinfric.sizing.task import task_of
 
 UP, RUN, DOWN = (INERTIA * ACCELERATION + COULOMB, COULOMB, -INERTIA * ACCELERATION + COULOMB)
 
@@ -651,13 +653,13 @@ def test_what_most_joints_could_use_is_asked_for_first():
 
 
 def test_a_choice_that_goes_on_changing_is_said(tmp_path, monkeypatch):
-    monkeypatch.setattr("pinfric.sizing.choice._MOST_PASSES", 1)
+    monkeypatch.setattr("pinfric.sizing.choice._MOST_ROUNDS", 1)
     scene = arm(2)
-    with pytest.warns(pf.PinfricWarning, match="still alternates after 1 pass"):
+    with pytest.warns(pf.PinfricWarning, match="still alternates after 1 round"):
         report = pf.size(
             scene, still(scene), one_drive(tmp_path), conditions={"inertia_ratio": 100}
         )
-    assert (report.passes, report.settled) == (1, False)
+    assert (report.passes, report.settled) == (0, False)
 
 
 def test_of_drives_that_alternate_the_heavier_one_stays(monkeypatch):
@@ -665,22 +667,23 @@ def test_of_drives_that_alternate_the_heavier_one_stays(monkeypatch):
     scene, mass = arm(2), {"light": 0.5, "heavy": 1.5, "huge": 3.0}
     task = task_of(scene, still(scene), Catalog("c"), Conditions(), lambda _: None, {})
 
-    def search(task, i, masses, demanded):
-        none = demanded.banned.get(i, set()) | ({"light"} if masses.get(1, 0.0) < 1.0 else set())
-        name = next(name for name in mass if name not in none)
-        found = SimpleNamespace(name=name, mass=mass[name])
-        return SimpleNamespace(lightest=lambda: found)
+    made = {name: SimpleNamespace(name=name, mass=kg) for name, kg in mass.items()}
 
-    monkeypatch.setattr("pinfric.sizing.choice.search_at", search)
-    choice = choose(task, Demanded())
+    def asked(task, memory, choice, i):
+        load = task.added(choice.taken).get(1, 0.0)
+        none = choice.banned.get(i, set()) | ({"light"} if load < 1.0 else set())
+        return SimpleNamespace(best=next(made[name] for name in made if name not in none))
+
+    monkeypatch.setattr("pinfric.sizing.choice.asked", asked)
+    _, choice = settle(task, Memory(), Choice(), OF_DRIVES[:2])
     assert choice.settled
     assert choice.taken[1].name == "heavy"
 
 
-def test_progress_names_the_pass_and_the_drive(tmp_path):
+def test_progress_names_the_round_and_the_drive(tmp_path):
     said = []
     sized_cycle(one_drive(tmp_path), progress=said.append)
-    assert said[0] == "pass 1: table"
+    assert said[0] == "round 1: table, drive 1 of 1"
 
 
 def test_transmissions_of_the_scene_are_said_to_be_replaced(tmp_path):

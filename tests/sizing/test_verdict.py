@@ -143,4 +143,4 @@ def test_a_cycle_beyond_the_limits_of_the_robot_is_not_signed(tmp_path, limit, s
 
 def test_a_choice_that_still_alternates_is_not_signed(tmp_path):
     report = replace(sized(tmp_path), settled=False, passes=12)
-    assert_said_alike(report, "can be signed", "still alternates after 12 passes")
+    assert_said_alike(report, "can be signed", "still alternates after 12 rounds")

@@ -251,7 +251,7 @@ def verdict(report: SizingReport) -> str:
 
 def passes(report: SizingReport) -> str:
     """Return how the choice of drives ended."""
-    count = f"{report.passes} pass" + "es" * (report.passes != 1)
+    count = counted(report.passes, "round")
     return (
         f"settled after {count}" if report.settled else f"not settled after {count}: it alternates"
     )

@@ -179,10 +179,10 @@ def test_a_cycle_that_does_not_close_stands_in_every_report(tmp_path):
 
 def test_passes_in_words(report):
     assert passes(report).startswith("settled after ")
-    assert passes(replace(report, passes=1)) == "settled after 1 pass"
+    assert passes(replace(report, passes=1)) == "settled after 1 round"
     alternates = replace(report, passes=10, settled=False)
-    assert passes(alternates) == "not settled after 10 passes: it alternates"
-    assert "not settled after 10 passes" in sizing_page(alternates)
+    assert passes(alternates) == "not settled after 10 rounds: it alternates"
+    assert "not settled after 10 rounds" in sizing_page(alternates)
 
 
 @pytest.mark.slow
