@@ -198,6 +198,13 @@ def _hardness(criterion: Criterion) -> tuple[int, float]:
     return order.index(criterion.status), margin
 
 
+def _worst(judged: Sequence[Assessment]) -> Assessment:
+    """The case in which a drive fits worst, the others beside it."""
+    worst = min(judged, key=lambda a: (a.fits, a.margin))
+    others = tuple(a for a in judged if a is not worst)
+    return replace(worst, beside=others) if others else worst
+
+
 def rank(assessment: Assessment) -> tuple[float, bool, float, str]:
     """Order by mass, printed before computed pull-out curves, then margin, then name."""
     computed = assessment.candidate.ratings.computed_curve
@@ -782,10 +789,13 @@ class DriveSearch:
             case = self.case
             own = own.where(stop_effort=case.stop_effort, stop_note=case.stop_note)
             judged = (own, *(search.judge(b, g, m) for search in self.beside))
-            worst = min(judged, key=lambda a: (a.fits, a.margin))
-            others = tuple(a for a in judged if a is not worst)
-            self._judged[b, g, m] = replace(worst, beside=others) if others else worst
+            self._judged[b, g, m] = _worst(judged)
         return self._judged[b, g, m]
+
+    def assess_each(self, candidate: Candidate, missing: tuple[str, ...]) -> Assessment:
+        """Return a drive judged exactly in all cases of the joint, the worst of them."""
+        searches = (self, *self.beside)
+        return _worst([search.assess(candidate, missing) for search in searches])
 
     def assess(
         self, candidate: Candidate, missing: tuple[str, ...] = (), row: _GearAtJoint | None = None

@@ -139,7 +139,7 @@ def _judged(search: DriveSearch, b: int, g: int, m: int, hot: bool) -> Assessmen
         return replace(drive, **search.parts.own)
 
     def assess(inertia: float) -> Assessment:
-        return search.assess(made(inertia), lacks)
+        return search.assess_each(made(inertia), lacks)
 
     def passes(assessment: Assessment) -> bool:
         return all(c.name in (_HEAT if hot else ()) for c in assessment.failed)
