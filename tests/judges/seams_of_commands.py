@@ -300,7 +300,8 @@ def judge_route(name, ledger, folder, scene=None, cycle=None, words=(), quick=Fa
     scene, cycle = scene or name, cycle or name
     out = folder / "sized"
     sized = judge_verdict(ledger, name, scene, cycle, out, (*DEFAULT, *words))
-    if sized.result:
+    kind = "size of a bundled scene: a result"
+    if ledger.holds(kind, name, bool(sized.result), sized.err[-300:]):
         judge_speeds(ledger, name, scene, cycle, sized)
         judge_files(ledger, name, scene, cycle, sized, out, quick)
     return sized
