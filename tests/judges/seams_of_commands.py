@@ -340,7 +340,8 @@ def judge_explained(name, ledger, folder, loads):
     without = scene.with_(friction={})
     ends = [pf.inverse_dynamics(x, motion) for x in (scene, without)]
     peaks = [np.maximum(np.abs(x.effort_lower), np.abs(x.effort_upper)).max(axis=0) for x in ends]
-    change = np.abs(peaks[0] - peaks[1]).max()
+    changes = peaks[0] - peaks[1]
+    change = changes[np.argmax(np.abs(changes))]
     effects = {effect["name"]: effect for effect in found["effects"]}
     ledger.same(
         "explain: change of the peak by inverse", name, effects[loads]["peak_change"], change, 1e-6
