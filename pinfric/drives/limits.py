@@ -191,6 +191,12 @@ def _fastest(d: Candidates) -> Value:
     return np.where(_has_line(d) | np.isnan(lower), speed, lower * speed)
 
 
+def _slowed(d: Candidates) -> str:
+    """The conditions that set the voltage, where it sets the speed."""
+    by_voltage = not _has_line(d) and not np.isnan(d.motor.nominal_voltage)
+    return _bus_share(d) if by_voltage else ""
+
+
 def _fastest_note(d: Candidates) -> str:
     most, at_nominal = float(_fastest(d)), float(first_known(d.motor, STAND_INS["max_speed"]))
     if not most < at_nominal:
@@ -372,8 +378,7 @@ MOTOR_LIMITS = [
           stage="pair", condition=_shared_voltage, key="stall_torque", applies=_turns_smoothly),
     Limit("motor speed", "motor speed", _fastest, "speed",
           "max |omega| <= maximum speed", _MAKER, "maximum speed", _fastest_note, stage="pair",
-          condition=lambda d: _bus_share(d) if _fastest_note(d) else "", key="max_speed",
-          applies=_turns_smoothly),
+          condition=_slowed, key="max_speed", applies=_turns_smoothly),
     Limit("winding temperature", _winding_rise, _winding_room, "K", _winding_formula,
           "maxon, Key information: thermal behaviour (two nodes), copper +0.39 %/K",
           _winding_missing, _winding_note, condition=_cooled, applies=_turns_smoothly),

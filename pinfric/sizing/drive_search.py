@@ -379,6 +379,21 @@ def _heat(ratings: Ratings, conditions: Conditions) -> float:
     return number(None if share is None or torque is None else share * torque)
 
 
+def _motors(ratings: Sequence[Ratings], conditions: Conditions) -> Figures:
+    """Figures of motors, and as `hot` the least that R/R(25 C) of their windings may be."""
+    cold = min(1.0, 1 + COPPER * (conditions.ambient - 25.0))
+    figures = columns(ratings, MOTOR_FIGURES)
+    figures.hot = np.array(
+        [
+            r.hottest(conditions)
+            if r.thermal is None or r.torque_constant is None or r.resistance is None
+            else cold
+            for r in ratings
+        ]
+    )
+    return figures
+
+
 def _of_gears(
     gears: list[tuple[str, Gear, float]],
     motors: Mapping[str, Motor],
@@ -404,7 +419,7 @@ def _of_gears(
     return _Group(
         drives=Candidates(
             gear=columns(entries, GEAR_FIGURES).each(_upright),
-            motor=columns(ratings, MOTOR_FIGURES).each(np.atleast_2d),
+            motor=_motors(ratings, conditions).each(np.atleast_2d),
             ratio=_upright([ratio for _, _, ratio in gears]),
             inertia=own.input_inertia[:, None] + of_motors.rotor_inertia,
             heat=np.array([[_heat(r, conditions) for r in ratings]]),
@@ -459,7 +474,7 @@ def _of_gearmotors(alone: list[tuple[str, GearMotor]], conditions: Conditions) -
     return _Group(
         drives=Candidates(
             gear=columns(entries, GEAR_FIGURES).each(_upright),
-            motor=columns(ratings, MOTOR_FIGURES).each(_upright),
+            motor=_motors(ratings, conditions).each(_upright),
             ratio=own.ratio,
             inertia=own.rotor_inertia,
             heat=_upright([_heat(r, conditions) for r in ratings]),
@@ -660,7 +675,6 @@ class DriveSearch:
         if not group.at_output:
             share = voltage_share(None, self.parts.own.get("amplifier"), conditions)
         d = replace(group.drives.of_gears(gears), case=self.case, share=share)
-        cool = min(1.0, 1 + COPPER * (conditions.ambient - 25.0))
         own = np.array([row.margin for row in rows])[:, None]
         best, lightest = np.array(-np.inf), np.array(np.inf)
         # least inertia that the inertia ratio permits: of rotors of which none is known
@@ -676,7 +690,7 @@ class DriveSearch:
             asked = Figures(
                 rms=np.sqrt(np.maximum(square, 0.0)) * (1 - 1e-9),
                 peak=np.maximum.reduce([np.abs(m) + h for m, h, _ in ends]) * (1 - 1e-9),
-                voltage=np.maximum.reduce([_least_voltage(d.motor, *end, cool) for end in ends]),
+                voltage=np.maximum.reduce([_least_voltage(d.motor, *end) for end in ends]),
                 pull_out=self._least_pull_out(group, ends),
             )
             d = replace(d, inertia=J, asked=asked)
@@ -925,14 +939,14 @@ def momentary_peak(assessment: Assessment) -> float:
 
 
 def _least_voltage(
-    motor: Figures, middle: np.ndarray, half: np.ndarray, speed: np.ndarray, cool: float
+    motor: Figures, middle: np.ndarray, half: np.ndarray, speed: np.ndarray
 ) -> np.ndarray:
-    """A lower bound of the voltage that a torque between two ends takes, the winding cold."""
+    """A lower bound of the voltage that a torque between two ends takes."""
     per_torque = motor.resistance / motor.torque_constant
     back = motor.torque_constant
     other = motor.nominal_voltage / motor.stall_torque, motor.nominal_voltage / motor.no_load_speed
     per_torque = np.where(np.isnan(per_torque), other[0], per_torque)
     back = np.where(np.isnan(motor.resistance / motor.torque_constant), other[1], back)
     driving = np.where(speed >= 0, middle, -middle) + half
-    taken = (cool * per_torque * driving + back * np.abs(speed)) * (1 - 1e-9)
+    taken = (motor.hot * per_torque * driving + back * np.abs(speed)) * (1 - 1e-9)
     return np.where(driving > 0, taken, 0.0)  # a braking torque takes less
