@@ -31,7 +31,7 @@ def arm():
     a, b = {"link": "base_link", "xyz": [0, 0.2, 0]}, {"link": "forearm_link", "xyz": [0, 0, 0.1]}
     rod = {"kind": "tension", "name": "rod", "a": a, "b": b, "stiffness": 50, "free_length": 0.1}
     scene, motion = example("ur5_pick_and_place", masses="without_drives", springs=[rod])
-    return scene, motion, DrivenRobot(scene, motion, None, Conditions(lost_springs="none"))
+    return scene, motion, DrivenRobot(scene, motion, None, Conditions())
 
 
 @pytest.mark.parametrize("seed", range(3))
