@@ -128,7 +128,8 @@ def standstills(
             inside = brakes[there].inertia_ends[1]  # each brake on trial adds its own
             own = own - drive.transmission.ratio**2 * inside
         of = (taken.motor, taken.integrated) if taken else ("",)
-        fitting = ranked({name: b for name, b in brakes.items() if b.goes_with(*of)})
+        fitting = {name: b for name, b in brakes.items() if b.goes_with(*of)}
+        fitting = ranked(fitting, coil_supply(conditions))
         of_joint = still, loads[:, i]
         standing.append(_standstill(result, of_joint, i, own, fitting, conditions, there))
     return tuple(standing)
@@ -388,12 +389,18 @@ def _use(still: InverseResult, i: int, pose: int, load: float) -> tuple[float | 
     return (hold.use if hold.held else None), hold.held
 
 
-def ranked(brakes: Mapping[str, Brake]) -> dict[str, Brake]:
-    """Return brakes by torque, then mass, power, name."""
+def coil_supply(conditions: Conditions) -> float:
+    """Return the highest voltage that a machine has for the coils of brakes, V."""
+    return max(conditions.coil_voltage, conditions.bus_voltage)
 
-    def order(one: tuple[str, Brake]) -> tuple[float, float, float, str]:
+
+def ranked(brakes: Mapping[str, Brake], most: float = np.inf) -> dict[str, Brake]:
+    """Return brakes by torque, then mass, power, name; those of a coil above `most`, V, last."""
+
+    def order(one: tuple[str, Brake]) -> tuple[bool, float, float, float, str]:
         name, brake = one
-        return brake.torque, brake.mass_taken, brake.power or np.inf, name
+        beyond = (brake.voltage or 0.0) > most
+        return beyond, brake.torque, brake.mass_taken, brake.power or np.inf, name
 
     return dict(sorted(brakes.items(), key=order))
 
@@ -477,18 +484,12 @@ def _energy(
     return Criterion(_STOP, Status.NOT_REQUIRED, energy, None, "J", None, formula, source, "")
 
 
-def opened(brakes: Mapping[str, Brake], conditions: Conditions) -> dict[str, Brake]:
-    """Return the brakes whose coils, where their voltage is known, the machine can open."""
-    most = max(conditions.coil_voltage, conditions.bus_voltage)
-    return {name: brake for name, brake in brakes.items() if (brake.voltage or 0.0) <= most}
-
-
 def _coil(
     name: str | None, brakes: Mapping[str, Brake], conditions: Conditions
 ) -> tuple[Criterion, ...]:
     if name is None:
         return ()
-    most = max(conditions.coil_voltage, conditions.bus_voltage)
+    most = coil_supply(conditions)
     said = stated(conditions, "coil_voltage", "bus_voltage")
     rule = "voltage of the coil <= the higher of coil supply and bus", "maker's figures"
     coil = compare(_COIL, brakes[name].voltage, most, "V", *rule, "voltage of the brake", "", said)

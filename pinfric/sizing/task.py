@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pinfric.drives.brake import opened, ranked
+from pinfric.drives.brake import coil_supply, ranked
 from pinfric.drives.catalog import Brake, Catalog
 from pinfric.drives.duty import Duty, Schedule, once
 from pinfric.drives.friction import without_drives
@@ -194,10 +194,10 @@ def catalog_arrays(
 
 
 def brakes_of(catalog: Catalog, scene: Scene, conditions: Conditions) -> dict[str, Brake]:
-    """Return the brakes that a robot may have and open, the smallest first.
+    """Return the brakes that a robot may have, the smallest first, those that it can open before.
 
     Where the scene has `stops`, those with an `engage_time`, if there are any.
     """
-    brakes = opened(catalog.brakes, conditions)
-    timed = {n: brake for n, brake in brakes.items() if brake.engage_time is not None}
-    return ranked(brakes if scene.stops is None else timed or brakes)
+    timed = {n: brake for n, brake in catalog.brakes.items() if brake.engage_time is not None}
+    brakes = catalog.brakes if scene.stops is None else timed or catalog.brakes
+    return ranked(brakes, coil_supply(conditions))
