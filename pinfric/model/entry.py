@@ -348,6 +348,8 @@ def questions_below(
     parts: Iterable[tuple[Any, Any]] = enumerate(node) if isinstance(node, list | tuple) else ()
     if isinstance(node, BaseModel | dict):
         parts = node.items() if isinstance(node, dict) else vars(node).items()
+    if getattr(node, "installed", None) is not None:  # a product's figures are its maker's
+        parts = [(name, value) for name, value in parts if name != "transmission"]
     for name, value in parts:
         if isinstance(value, BaseModel | dict | list | tuple):
             yield from questions_below(value, (*at, name))

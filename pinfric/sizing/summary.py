@@ -442,9 +442,9 @@ def _candidacy(drive: Assessment) -> Candidacy:
         drive.mass,
         drive.candidate.ratio,
         drive.margin,
-        tightest and tightest.name,
-        motor and motor.peak_current,
-        motor and motor.rms_current,
+        None if tightest is None else tightest.name,
+        None if motor is None else motor.peak_current,
+        None if motor is None else motor.rms_current,
         drive.candidate.brake,
         len(drive.not_checked),
     )

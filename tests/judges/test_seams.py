@@ -116,17 +116,8 @@ NIGHTLY |= {
 
 #: Kind that is violated today -> why. Delete a line with what mends it.
 OPEN = {
-    "a joint without mass": "its derivative by its own acceleration is 1 in place of 0",
-    "an error of check": "the verdict of `size` does not read all findings of `check`",
-    "a warning of check": "the verdict of `size` does not read all findings of `check`",
-    "files of a signed size": "units of written rotors and ratios are questioned anew",
-    "links lighter than their drives": "where `robot.masses` is not written, bare links are taken",
-    "size of a bundled scene": "files of loops are read back without times: reversals differ",
     "rating = its way-points": "as a cycle, the motion that `new` writes dilutes a rating",
-    "retimed motion": "`retime` judges another drive than `inverse`: without its brake",
-    "signed: retime": "the given timing is not among those that `retime` tries",
-    "a signed cycle": "speeds beyond the URDF's are not in the verdict",
-    "files of size: every command runs": "`replay --motors` fails where loops couple joints",
+    "retimed motion": "`retime` does not bound the loads of bearings, it says that they fail",
 }
 
 

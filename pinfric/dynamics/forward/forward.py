@@ -223,7 +223,7 @@ def solve_state(
     ws: Workspace,
     q: np.ndarray,
     v: np.ndarray,
-    effort: np.ndarray,
+    effort: np.ndarray | Mapping[str, float] | None,
     applied: list[AppliedWrench] | None = None,
 ) -> None:
     """Check and solve one state in a workspace; see `forward_dynamics`.
