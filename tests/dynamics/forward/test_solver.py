@@ -642,7 +642,8 @@ from pinfric.kernels.compiled import _KERNELS
 from pinfric.kernels.progress import _reached
 
 pf.load_scene("ur5e").solver()
-print(len(set().union(*(_reached(made.py_func) for made in _KERNELS.values() if made.overloads))))
+made = (each for alike in _KERNELS.values() for each in alike if each.overloads)
+print(len(set().union(*(_reached(each.py_func) for each in made))))
 """
 
 
