@@ -22,7 +22,7 @@ from typing import Annotated, Any
 import typer
 
 from pinfric import __version__
-from pinfric.errors import PinfricError, PinfricWarning, plain, removed
+from pinfric.errors import PinfricError, PinfricWarning, SimulationInterrupted, plain, removed
 from pinfric.kernels import NOTICES
 from pinfric.model.inputs import note_input, running, running_command
 from pinfric.terminal import (
@@ -204,7 +204,11 @@ def simulate(
 
     numbers = {"rtol": rtol, "atol": None if rtol is None else 1e-2 * rtol, "dt": dt}
     settings: Any = {name: value for name, value in numbers.items() if value is not None}
-    motion = simulate(scene, t_end=t_end, method=method, **settings)
+    interrupted: SimulationInterrupted | None = None
+    try:
+        motion = simulate(scene, t_end=t_end, method=method, **settings)
+    except SimulationInterrupted as interrupt:  # what was computed is shown and written
+        interrupted, motion = interrupt, interrupt.motion
     summary = motion_summary(motion)
     files: Files = {
         "motion.csv": lambda path: motion.to_dataframe().to_csv(path, index=False),
@@ -213,8 +217,8 @@ def simulate(
     }
     report = partial(motion_report, motion, summary)
     answer("simulate", summary, report, as_json, out, files, scene=scene)
-    if motion.status == "interrupted":
-        raise typer.Exit(INTERRUPTED)
+    if interrupted is not None:
+        raise interrupted
 
 
 @app.command(short_help="Reproduce the paper's examples by two formulations.")
@@ -666,7 +670,6 @@ def replay(
     The page is one file that plays without a network. It marks where a log's own efforts differ
     from the computed ones; with --motors, which drive limits the motion.
     """
-    from pinfric.dynamics.simulation.motion import Motion
     from pinfric.model.files import check_writable
     from pinfric.model.scene_file import load_scene
     from pinfric.show.replay.replay import replay, replay_lines
@@ -678,8 +681,12 @@ def replay(
         raise typer.BadParameter("is not a file name", param_hint="--html")
     html = html or Path(f"{Path(scene.source).stem}.replay.html")
     check_writable(html.parent, [html.name])
+    interrupted: SimulationInterrupted | None = None
     with working("computing the motion"):
-        motion, judged = motion_to_replay(scene, motion_name, log, effort_at)
+        try:
+            motion, judged = motion_to_replay(scene, motion_name, log, effort_at)
+        except SimulationInterrupted as interrupt:  # what was computed is shown
+            interrupted, motion, judged = interrupt, interrupt.motion, None
     title = Path(scene.source).stem + (f" · {Path(motion_name).name}" if motion_name else "")
     with working(f"writing {html}"):
         shown = replay(scene, motion, html=html, title=title, log=judged, limits=motors)
@@ -688,8 +695,8 @@ def replay(
     run.read.extend([scene.source, urdf, motion_name or "", log.columns or "", motors or ""])
     lines = partial(replay_lines, shown, opened)
     answer("replay", shown, lines, as_json, scene=scene)
-    if isinstance(motion, Motion) and motion.status == "interrupted" and motion_name is None:
-        raise typer.Exit(INTERRUPTED)
+    if interrupted is not None:
+        raise interrupted
 
 
 @app.command(short_help="Write a starting scene and motion for a URDF, guesses marked.")

@@ -232,6 +232,14 @@ class SimulationError(PinfricError):
         super().__init__(message)
 
 
+class SimulationInterrupted(KeyboardInterrupt):
+    """Ctrl-C ended a simulation; `motion` was computed until then."""
+
+    def __init__(self, motion: Any) -> None:
+        self.motion = motion
+        super().__init__("stopped by the user")
+
+
 class CatalogError(PinfricError):
     """A catalogue of motors and gears cannot be read, or contains impossible figures."""
 

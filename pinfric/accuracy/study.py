@@ -17,7 +17,7 @@ import pinocchio as pin
 from pinfric.accuracy.explain import all_rounds
 from pinfric.dynamics.inverse.result import StickInterval
 from pinfric.dynamics.simulation.motion import Motion
-from pinfric.dynamics.simulation.simulate import simulate_whole
+from pinfric.dynamics.simulation.simulate import simulate
 from pinfric.errors import PinfricError, SceneError
 from pinfric.model.brief import file_name, screen
 from pinfric.model.described import PLACE, described, quantity
@@ -182,7 +182,7 @@ def reference(scene: Scene) -> Motion:
     """
     assert scene.simulation is not None
     rtol = 1e-2 * min(TOLERANCES)
-    return simulate_whole(scene, rtol=rtol, atol=1e-2 * rtol, max_step=scene.simulation.t_end / 50)
+    return simulate(scene, rtol=rtol, atol=1e-2 * rtol, max_step=scene.simulation.t_end / 50)
 
 
 def judge_of(motion: Motion) -> Judge:
@@ -222,12 +222,12 @@ def contestants(scene: Scene, methods: Collection[str] | None = None) -> list[Co
     ]
 
 
-def _own(scene: Scene, method: str, setting: str, options: Mapping[str, float]) -> Contestant:
+def _own(scene: Scene, method: str, setting: str, options: Mapping[str, Any]) -> Contestant:
     assert scene.simulation is not None
     t_end, samples = scene.simulation.t_end, _LOOKS if method == "regularized" else _COMPARED
 
     def bare() -> Motion:
-        return simulate_whole(scene, method=method, sample_step=t_end, **options)
+        return simulate(scene, method=method, sample_step=t_end, **options)
 
     def judged() -> JudgedTrack:
         # the samples cost evaluations, too; those of the method are counted without them
@@ -237,7 +237,7 @@ def _own(scene: Scene, method: str, setting: str, options: Mapping[str, float]) 
         if motion.dense is not None:
             motion = motion.sample(np.linspace(0.0, motion.t[-1], samples + 1))
         else:
-            motion = simulate_whole(scene, method=method, sample_step=t_end / samples, **options)
+            motion = simulate(scene, method=method, sample_step=t_end / samples, **options)
         return JudgedTrack(motion.t, motion.q, (motion.stick_intervals(),), count, seconds)
 
     return Contestant(method, setting, bare, judged)

@@ -16,8 +16,8 @@ import numpy as np
 from pinfric.dynamics.inverse.inverse import inverse_dynamics
 from pinfric.dynamics.inverse.result import InverseResult
 from pinfric.dynamics.samples.reactions import joint_wrenches
+from pinfric.dynamics.simulation import simulate as simulation
 from pinfric.dynamics.simulation.motion import Motion
-from pinfric.dynamics.simulation.simulate import simulate_whole
 from pinfric.model.described import derived, described, quantity
 from pinfric.model.scene import Scene
 from pinfric.model.scene_file import load_scene
@@ -144,7 +144,7 @@ class Examples:
 def reproduce(example: Example) -> Reproduction:
     """Simulate one example, recover its torques by both formulations, and compare."""
     scene = load_scene(example.name)
-    whole = simulate_whole(scene, method="event", rtol=1e-11, atol=1e-13)
+    whole = simulation.simulate(scene, method="event", rtol=1e-11, atol=1e-13)
     motion = whole.sample(np.linspace(0.0, whole.t[-1], round(SAMPLE_RATE * whole.t[-1]) + 1))
     result = inverse_dynamics(scene, motion)
     frictionless = inverse_dynamics(dataclasses.replace(scene, friction={}), motion)

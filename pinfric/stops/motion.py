@@ -24,7 +24,7 @@ from pinfric.drives.demand import driven_joint
 from pinfric.dynamics.forward.workspace import Workspace
 from pinfric.dynamics.inverse.inverse import inverse_dynamics
 from pinfric.dynamics.samples.closure import working_rates
-from pinfric.dynamics.simulation.motion import INTERRUPTED, Motion
+from pinfric.dynamics.simulation.motion import Motion
 from pinfric.dynamics.simulation.simulate import simulate, simulate_constant
 from pinfric.errors import AmbiguousAcceleration, PinfricWarning, SimulationError, StopError
 from pinfric.model.closure import velocity_names
@@ -273,8 +273,6 @@ def _simulate(
             progress=False,
             dt=_STEP,
         )
-    if motion.status == INTERRUPTED:
-        raise KeyboardInterrupt
     return motion
 
 

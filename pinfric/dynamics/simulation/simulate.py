@@ -27,6 +27,7 @@ from pinfric.errors import (
     AccelerationError,
     PinfricWarning,
     SimulationError,
+    SimulationInterrupted,
     StateError,
     choose_from,
 )
@@ -134,8 +135,9 @@ def simulate(
             argument, an effort function that raises, an integration that cannot continue.
         StateError: q0, v0 of a wrong shape or not finite.
         AccelerationError: none, several, undecided or a jam, with time, state and the
-            `motion` until then. After Ctrl-C the motion until then is returned, with status
-            `interrupted` (before the first sample the interrupt is raised).
+            `motion` until then.
+        SimulationInterrupted: a KeyboardInterrupt with the `motion` until then, after Ctrl-C
+            (before the first sample the plain interrupt).
 
     >>> import pinfric as pf
     >>> scene = pf.load_scene("pendulum")
@@ -166,18 +168,6 @@ def simulate(
             )
         with _Progress(progress, settings.t_end) as record.progress:
             return _run(method, system, settings, record, q, v)
-
-
-def simulate_whole(scene: Scene, **options: Any) -> Motion:
-    """Simulate from the scene's own start to the end.
-
-    Raises:
-        KeyboardInterrupt after Ctrl-C, where `simulate` returns; and what it raises.
-    """
-    motion = simulate(scene, **options)
-    if motion.status == INTERRUPTED:
-        raise KeyboardInterrupt
-    return motion
 
 
 def simulate_constant(
@@ -271,10 +261,12 @@ def _run(
             step_through(system, settings, record, q, v)
         else:
             RegularizedIntegration(system, settings, record).run(q, v)
-    except KeyboardInterrupt:
+    except KeyboardInterrupt as interrupt:
         if not record.rows:  # before the first sample
             raise
-        return record.motion(INTERRUPTED, "stopped by the user")
+        raise SimulationInterrupted(
+            record.motion(INTERRUPTED, "stopped by the user")
+        ) from interrupt
     except (AccelerationError, SimulationError) as problem:
         if record.rows:
             problem.motion = record.motion(FAILED, str(problem))

@@ -349,6 +349,7 @@ def _find_time(
                 f"columns: time: there is no column {brief(columns.time)}; "
                 f"{choose_from(columns.time, header)}"
             )
+            columns.time = ""
         return
     candidates = [name for name in dict.fromkeys(header) if _TIME.match(name)]
     stamped = dict(zip(header, first, strict=False)).get(_ROSTOPIC_STAMP, "0")
