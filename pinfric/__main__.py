@@ -38,6 +38,7 @@ def main() -> NoReturn:
         signal.signal(signal.SIGINT, _interrupt)
     for number in (signal.SIGTERM, signal.SIGALRM):
         signal.signal(number, _interrupt)
+    _open_standard_streams()
     from pinfric.cli import main as run
 
     try:
@@ -54,6 +55,19 @@ def main() -> NoReturn:
             raise
         _end()
     raise AssertionError  # `run` ends in an exit code
+
+
+def _open_standard_streams() -> None:
+    """Use no file for a stream that the caller closed: another file would take its place."""
+    for number, name, mode in ((0, "stdin", "r"), (1, "stdout", "w"), (2, "stderr", "w")):
+        if getattr(sys, name) is None:
+            with suppress(OSError):  # it is open by now
+                os.fstat(number)
+                continue
+            os.open(os.devnull, os.O_RDWR)  # takes the lowest number that is free
+            stream = open(number, mode, encoding="utf-8")  # noqa: SIM115
+            setattr(sys, name, stream)
+            setattr(sys, f"__{name}__", stream)
 
 
 def _interrupt(number: int, frame: FrameType | None) -> None:

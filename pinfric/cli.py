@@ -49,6 +49,8 @@ from pinfric.terminal import (
 #: Exit codes: what was given is wrong; a defect of pinfric (sysexits.h's EX_SOFTWARE); stopped by
 #: Ctrl-C. (`terminal.NO_READER`: the reader of our output left.)
 BAD_INPUT, INTERNAL_ERROR, INTERRUPTED = 2, 70, 130
+#: Letters of a line at most. Bytes of address space with which all modules can be loaded.
+_WIDEST, _MEMORY = 1000, 10**9
 
 #: Files that a command writes with --out, by name, as `model.files.Writer`.
 Files = dict[str, str | Callable[[Path], object]]
@@ -999,6 +1001,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
         if hasattr(stream, "reconfigure"):  # a terminal without UTF-8 gets "?", not a traceback
             stream.reconfigure(errors="replace")
     run.begin(sys.argv[1:] if arguments is None else list(arguments))
+    os.environ["MPLBACKEND"] = "agg"  # pictures are written, never shown
+    if os.environ.get("COLUMNS", "").isdecimal():  # rich fills so many letters
+        os.environ["COLUMNS"] = str(min(int(os.environ["COLUMNS"]), _WIDEST))
     with warnings_as_notices(), running_command():
         # the flags that all commands take go before the command: people write them at the end
         known = ("-q", "--quiet", "-v", "--verbose", "--overwrite")
@@ -1036,7 +1041,31 @@ def _run(arguments: list[str]) -> int:
     return int(code)
 
 
+def _environment() -> str:
+    """What surrounds the process and lets no command work; empty if nothing is found."""
+    import resource
+
+    threads = os.environ.get("NUMBA_NUM_THREADS")
+    if threads is not None and (not threads.isdecimal() or int(threads) < 1):
+        return f"NUMBA_NUM_THREADS={threads}: should be a whole number from 1; correct or unset it"
+    try:
+        os.getcwd()
+    except FileNotFoundError:
+        return "the working folder was removed; change to one that is there"
+    most = resource.getrlimit(resource.RLIMIT_AS)[0]
+    if most != resource.RLIM_INFINITY and most < _MEMORY:
+        return (
+            f"memory is limited to {most / 1e6:.0f} MB (ulimit -v); small robots need "
+            f"{_MEMORY / 1e6:.0f} MB"
+        )
+    return ""
+
+
 def _unexpected(problem: Exception) -> tuple[str, int]:
+    if around := _environment():
+        return around, BAD_INPUT
+    if isinstance(problem, MemoryError):
+        return "the memory is full; give fewer samples, or close other programs", BAD_INPUT
     if isinstance(problem, OSError) and problem.filename is not None:  # a disk, a name, a right
         name = str(problem.filename)
         name = name if len(name) <= 250 else f"{name[:80]}..."

@@ -140,6 +140,47 @@ def test_reader_that_leaves_early_sees_no_traceback(files, form):
     assert process.wait(60) == terminal.NO_READER
 
 
+@pytest.mark.parametrize("threads", ["0", "-2", "many"])
+def test_impossible_numbers_of_threads_are_named(threads, files, capsys, monkeypatch):
+    def numba_fails(*_, **__):
+        raise ValueError("Number of threads specified must be > 0.")
+
+    monkeypatch.setenv("NUMBA_NUM_THREADS", threads)
+    monkeypatch.setattr("pinfric.dynamics.inverse.inverse.inverse_dynamics", numba_fails)
+    assert f"NUMBA_NUM_THREADS={threads}: should be a" in refused(
+        capsys, "inverse", "arm.yaml", "way.yaml"
+    )
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("before", "said"),
+    [
+        ("exec 2>&-;", ""),
+        ("exec 1>&-;", ""),
+        ("export NUMBA_NUM_THREADS=0;", "pinfric: error: NUMBA_NUM_THREADS=0: should be"),
+        ("ulimit -v 400000;", "pinfric: error: memory is limited to 410 MB"),
+        ("mkdir gone; cd gone; rmdir ../gone;", "pinfric: error: the working folder was removed"),
+        ("export MPLBACKEND=nonsense COLUMNS=999999999;", ""),
+    ],
+)
+def test_surroundings_end_in_one_line_or_do_no_harm(before, said, files):
+    command = f"{before} {sys.executable} -m pinfric -q inverse pendulum pendulum.waypoints.yaml"
+    if not said:
+        command += " --out out"
+    done = subprocess.run(
+        ["bash", "-c", command],
+        cwd=files,
+        capture_output=True,
+        text=True,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+    )
+    assert done.returncode == (cli.BAD_INPUT if said else 0), done.stderr
+    assert done.stderr.startswith(said)
+    assert len(done.stderr.splitlines()) <= 1
+    assert (files / "out" / "summary.json").exists() == (not said)
+
+
 def test_interrupt_exits_130_with_one_line(files, capsys, monkeypatch):
     def stopped(*_, **__):
         raise KeyboardInterrupt

@@ -7,23 +7,27 @@ change.
 
 from __future__ import annotations
 
+import errno
 import fcntl
 import hashlib
 import json
 import os
 import shutil
 import tempfile
+import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
-from pinfric.errors import PinfricError
+from pinfric.errors import PinfricError, PinfricWarning
 from pinfric.model.inputs import running
 from pinfric.model.yamlfile import brief, brief_path
 
 #: Writes a whole file to the path it is given; or the file's text.
 Writer = str | Callable[[Path], object]
 _UNFINISHED, _ALIVE = ".unfinished-", ".alive"
+#: Files that are open while a folder is removed: kept free, as a process may open few.
+_SPARE = 4
 #: Name -> SHA-256 of what commands wrote into a folder.
 RECORD = ".pinfric-results.json"
 #: Endings of file names; a folder of such a name is probably a mistake.
@@ -108,7 +112,9 @@ def _unfinished(folder: Path) -> Iterator[Path]:
     Each run locks a file in its folder; the kernel releases the lock however the run ends. The lock
     on `folder` keeps other runs from removing ours before its file is locked.
     """
-    with ExitStack() as stack:
+    with ExitStack() as spare, ExitStack() as stack:
+        for _ in range(_SPARE):
+            spare.enter_context(Path(os.devnull).open())
         with _locked(folder, os.O_RDONLY, wait=True) as guarded:
             for leftover in folder.glob(f"{_UNFINISHED}*") if guarded else ():
                 with _locked(leftover / _ALIVE) as dead:
@@ -119,6 +125,7 @@ def _unfinished(folder: Path) -> Iterator[Path]:
                     dir=folder, prefix=_UNFINISHED, ignore_cleanup_errors=True
                 )
             )
+            stack.callback(spare.close)  # before the folder is removed
             stack.enter_context(_locked(Path(temporary) / _ALIVE))
         yield Path(temporary)
 
@@ -132,14 +139,30 @@ def _locked(path: Path, flags: int = os.O_RDWR | os.O_CREAT, wait: bool = False)
         yield False
         return
     try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
         held = True
-    except OSError:
+    except OSError as problem:
         held = False
+        if wait and problem.errno in (errno.EAGAIN, errno.EACCES):
+            text = f"{path}: waiting for {_holder(descriptor)}, which holds the folder locked"
+            warnings.warn(text, PinfricWarning, stacklevel=2)
+            fcntl.flock(descriptor, fcntl.LOCK_EX)
+            held = True
     try:
         yield held
     finally:
         os.close(descriptor)
+
+
+def _holder(descriptor: int) -> str:
+    """The process that holds a lock on a file, as far as the kernel tells."""
+    with suppress(OSError, ValueError):
+        file = os.fstat(descriptor)
+        for line in Path("/proc/locks").read_text().splitlines():
+            _, kind, _, _, process, place, *_ = line.split()
+            if kind == "FLOCK" and int(place.rpartition(":")[2]) == file.st_ino:
+                return f"process {process}"
+    return "another process"
 
 
 def _put_in_place(unfinished: Path, folder: Path, names: Sequence[str]) -> None:
@@ -190,6 +213,12 @@ def check_writable(folder: str | Path, names: Iterable[str] = ()) -> None:
         raise PinfricError(f"{folder}: cannot be written: no permission to write in {there}")
     if "" in names:  # of "." or "/"
         raise PinfricError(f"{folder.absolute()}: is a folder; name the file to write (--out)")
+    for file in (folder / name for name in names):
+        if file.is_symlink() and not file.exists():
+            raise PinfricError(
+                f"{file}: is a link to {os.readlink(file)}, where nothing is; remove it, or name "
+                "another place"
+            )
     taken = [name for name in names if (folder / name).is_dir()]
     if taken:
         raise PinfricError(

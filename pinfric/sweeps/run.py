@@ -129,12 +129,13 @@ def _samples(
         start = perf_counter()
         compute(study, indices[:1], values[:1])
         seconds = perf_counter() - start
-    used = processes or int(effective_n_jobs())
+    used = min(processes, int(cpu_count())) if processes else int(effective_n_jobs())
     if processes is None and used == 1 and seconds * n >= _SHORT:
         used = int(cpu_count())
     # batches of about `_BATCH` s, some for every process
     size = int(np.clip(_BATCH / max(seconds, 1e-6), 1, _MOST_PER_BATCH))
     size = max(min(size, n // (4 * used)), 1)
+    used = min(used, -(-n // size))
     parts = (indices[start : start + size] for start in range(0, n, size))
     batches: Iterable[pd.DataFrame]
     if used == 1:

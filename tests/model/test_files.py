@@ -1,11 +1,15 @@
 """All files or none, and the folder that was there before."""
 
+import fcntl
 import os
 import stat
+import subprocess
+import sys
+import threading
 
 import pytest
 
-from pinfric.errors import PinfricError
+from pinfric.errors import PinfricError, PinfricWarning
 from pinfric.model.files import check_writable, file_hash, write_file, write_folder
 
 
@@ -120,3 +124,41 @@ def test_text_with_a_name_that_is_not_utf_8_is_refused(tmp_path):
     with pytest.raises(PinfricError, match=r"a file's name in it is not in UTF-8 \('.*\\udcff'\)"):
         write_folder(tmp_path / "a", {"x": lambda path: path.write_text("a\udcff", "utf-8")})
     assert list(tmp_path.iterdir()) == []
+
+
+def test_result_does_not_replace_a_link_that_leads_nowhere(tmp_path):
+    (tmp_path / "page.html").symlink_to("gone/page.html")
+    with pytest.raises(PinfricError, match=r"is a link to gone/page\.html, where nothing is"):
+        write_file(tmp_path / "page.html", "text")
+    assert (tmp_path / "page.html").is_symlink()
+
+
+def test_nothing_is_left_where_a_process_may_open_few_files(tmp_path):
+    """Each number of files, up to the first with which all is written."""
+    script = f"""
+import os, resource, sys
+from pinfric.errors import PinfricError, PinfricWarning
+from pinfric.model.files import write_folder
+for most in range(3, 30):
+    resource.setrlimit(resource.RLIMIT_NOFILE, (most, 30))
+    try:
+        write_folder({str(tmp_path)!r}, {{"a": "text"}})
+        break
+    except PinfricError:
+        resource.setrlimit(resource.RLIMIT_NOFILE, (30, 30))
+        assert os.listdir({str(tmp_path)!r}) == [], most
+print(most)
+"""
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)
+    assert 6 < int(done.stdout) < 29, done.stderr
+    assert [path.name for path in tmp_path.iterdir()] == ["a"]
+
+
+def test_a_locked_folder_says_at_once_who_locks_it(tmp_path):
+    held = os.open(tmp_path, os.O_RDONLY)
+    fcntl.flock(held, fcntl.LOCK_EX)
+    timer = threading.Timer(0.3, os.close, [held])
+    timer.start()
+    with pytest.warns(PinfricWarning, match=f"waiting for process {os.getpid()}, which holds"):
+        write_file(tmp_path / "a", "text")
+    assert (tmp_path / "a").read_text() == "text"

@@ -22,6 +22,7 @@ from sweep_cases import pushed_block, steady, sweep_of, uniform
 
 import pinfric as pf
 from pinfric.errors import SweepError
+from pinfric.sweeps.cycle import compute
 from pinfric.sweeps.workers import on_cluster
 
 distributed = pytest.importorskip("distributed")
@@ -50,6 +51,22 @@ def _limit():
     yield
     signal.alarm(0)
     signal.signal(signal.SIGALRM, before)
+
+
+def test_no_more_processes_than_cores_and_batches_are_started(monkeypatch):
+    scene, sweep = pushed_block(), sweep_of(3, speed=uniform(0.8, 1.2))
+    asked = []
+
+    def compute_here(study, batches, values, processes, jobs):
+        asked.append(jobs)
+        return (compute(study, rows, values[rows]) for rows in batches)
+
+    monkeypatch.setattr("pinfric.sweeps.run.compute_in_parallel", compute_here)
+    monkeypatch.setattr("joblib.cpu_count", lambda: 64)
+    found = pf.sweep(scene, steady(scene), sweep, processes=5000)
+    assert (asked, found.processes) == ([3], 3)
+    monkeypatch.setattr("joblib.cpu_count", lambda: 2)
+    assert pf.sweep(scene, steady(scene), sweep, processes=5000).processes == 2
 
 
 @pytest.fixture(scope="module")

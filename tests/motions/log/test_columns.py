@@ -56,6 +56,14 @@ joints:
     ]
 
 
+def test_time_column_that_is_not_there_is_named(tmp_path):
+    (tmp_path / "log.columns.yaml").write_text(
+        "time: {column: zeit}\njoints: {base_turn: a, arm_lift: b}"
+    )
+    found = refused(tmp_path, table(("t", "a", "b"), T, Q))
+    assert "columns: time: there is no column 'zeit'; there are: t, a, b" in found
+
+
 def test_rows_without_a_time_have_the_rate_that_a_person_gives(tmp_path):
     text = table(NAMES, Q)
     assert "`time: {rate: 50}`" in refused(tmp_path, text)

@@ -1,7 +1,9 @@
 """Logs in the dialects of robots and their tools: columns, units, rows, bags, and bad files."""
 
+import io
 import json
 import sys
+import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -87,6 +89,38 @@ joints:
         with pytest.raises(TrajectoryError, match=rf"log\.mat: {message}") as caught:
             pf.load_trajectory(tmp_path / "log.mat", arm())
         assert "\n" not in str(caught.value)
+
+
+def marked(whole, field, value):
+    """A ZIP file whose members all have two other bytes in their headers, local and central."""
+    changed = bytearray(whole)
+    for mark, place in ((b"PK\x03\x04", field), (b"PK\x01\x02", field + 2)):
+        start = -1
+        while (start := whole.find(mark, start + 1)) >= 0:
+            changed[start + place : start + place + 2] = value
+    return bytes(changed)
+
+
+def test_numpy_files_that_cannot_be_unpacked_are_refused(tmp_path):
+    path, columns = tmp_path / "log.npz", {"t": T, "base_turn": Q[:, 0], "arm_lift": Q[:, 1]}
+    np.savez_compressed(path, **columns)
+    whole = path.read_bytes()
+    large = io.BytesIO()
+    np.lib.format.write_array_header_1_0(
+        large, {"descr": "<f8", "fortran_order": False, "shape": (10**12,)}
+    )
+    cases = [
+        (marked(whole, 6, b"\x01\0"), "encrypted"),
+        (marked(whole, 8, b"\x63\0"), "compression"),
+    ]
+    with zipfile.ZipFile(tmp_path / "large.npz", "w") as parts:
+        parts.writestr("t.npy", large.getvalue() + bytes(80))
+    cases.append(((tmp_path / "large.npz").read_bytes(), "Unable to allocate"))
+    assert_allclose(pf.load_trajectory(path, arm()).q, Q)
+    for content, why in cases:
+        path.write_bytes(content)
+        with pytest.raises(TrajectoryError, match=rf"log\.npz: cannot be read as a NumPy.*{why}"):
+            pf.load_trajectory(path, arm())
 
 
 JSON = {"t": T.tolist(), "names": ["arm_lift", "base_turn"], "position": Q[:, ::-1].tolist()}
