@@ -7,6 +7,7 @@ Heavy imports are inside functions: `pinfric --help` needs neither NumPy nor Pin
 from __future__ import annotations
 
 import errno
+import math
 import os
 import shlex
 import sys
@@ -207,8 +208,14 @@ def simulate(
     numbers = {"rtol": rtol, "atol": None if rtol is None else 1e-2 * rtol, "dt": dt}
     settings: Any = {name: value for name, value in numbers.items() if value is not None}
     interrupted: SimulationInterrupted | None = None
+    end = t_end or (scene.simulation.t_end if scene.simulation else 0.0)
     try:
-        motion = simulate(scene, t_end=t_end, method=method, **settings)
+        if sys.stderr.isatty():  # `simulate` draws its own bar
+            motion = simulate(scene, t_end=t_end, method=method, **settings)
+        else:
+            with progress("ms simulated") as tell:
+                settings["progress"] = lambda t: tell(int(1e3 * t), math.ceil(1e3 * end))
+                motion = simulate(scene, t_end=t_end, method=method, **settings)
     except SimulationInterrupted as interrupt:  # what was computed is shown and written
         interrupted, motion = interrupt, interrupt.motion
     summary = motion_summary(motion)

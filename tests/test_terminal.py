@@ -1,6 +1,7 @@
 """What every command does the same way: errors, interrupts, pipes, help."""
 
 import os
+import re
 import subprocess
 import sys
 import time
@@ -138,6 +139,12 @@ def test_reader_that_leaves_early_sees_no_traceback(files, form):
     process.stdout.close()  # before anything is printed
     assert process.stderr.read() == b""
     assert process.wait(60) == terminal.NO_READER
+
+
+def test_a_long_simulation_says_how_far_it_is(monkeypatch, capsys):
+    monkeypatch.setattr(terminal, "PERIOD", 0.02)
+    assert run("simulate", "pendulum", "--method", "timestepping", "--dt", "1e-5") == 0
+    assert re.search(r"pinfric: ms simulated: [1-9]\d* of 2000 done\n", capsys.readouterr().err)
 
 
 @pytest.mark.parametrize("threads", ["0", "-2", "many"])
