@@ -15,11 +15,14 @@ from types import ModuleType, SimpleNamespace
 import numba
 import numpy as np
 import pytest
+from builders import example
 
+import pinfric as pf
 from pinfric.errors import PinfricError, PinfricWarning
 from pinfric.kernels import compiled
 from pinfric.kernels.compiled import call_compiled, check_numba
 from pinfric.kernels.progress import CompileProgress
+from pinfric.kernels.records import RecordType
 
 ROOT = Path(__file__).parents[2]
 KERNEL = """
@@ -432,6 +435,19 @@ def test_a_kernel_that_returns_an_array_of_a_record_is_refused(tmp_path, monkeyp
     out = np.zeros(2)
     assert module.adds(held, out) == 6.0
     assert (out == [1.0, 2.0]).all()
+
+
+def test_the_type_of_a_record_is_made_once(monkeypatch):
+    """Loops make several records for each 512 samples; its name is a hash of all fields."""
+    scene, motion = example("four_bar", "four_bar.waypoints.yaml")
+    q, v, a = (np.tile(x, (3, 1)) for x in (motion.q, motion.v, motion.a))
+    pf.inverse_dynamics(scene, q[:600], v[:600], a[:600])
+
+    def made_anew(self, fields):
+        raise AssertionError(f"{type(self).__name__} is made again")
+
+    monkeypatch.setattr(RecordType, "__init__", made_anew)
+    assert len(pf.inverse_dynamics(scene, q, v, a).effort_upper) > 1024
 
 
 EDITED = {
