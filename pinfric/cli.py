@@ -714,7 +714,7 @@ def new(
     out: Annotated[Path, option("Folder for the files.", "DIR", "--out")] = Path(),
     payload: Annotated[
         float | None,
-        option("Rated payload: also its scene entry and rating.waypoints.yaml.", "KG"),
+        option("Rated payload: also its scene entry and NAME.rating.waypoints.yaml.", "KG"),
     ] = None,
     link: Annotated[
         str | None,
@@ -735,8 +735,9 @@ def new(
 ) -> None:
     """Write a starting scene and a first motion for a URDF; every guess is marked.
 
-    With --payload also rating.waypoints.yaml: the payload held in the worst posture of each joint,
-    and lifted from there by it alone. With --mass also NAME.masses.urdf, the robot with that mass.
+    With --payload also NAME.rating.waypoints.yaml: the payload held in the worst posture of each
+    joint, and lifted from there by it alone. With --mass also NAME.masses.urdf, the robot with that
+    mass.
     """
     if link is not None and payload is None:
         raise typer.BadParameter("is the payload's: give --payload KG", param_hint="--link")

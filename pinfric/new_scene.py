@@ -213,7 +213,7 @@ def new_scene(
             f"  by: {yaml_line(' '.join(commands))}",
             f"  date: '{datetime.date.today().isoformat()}'",
             f"  version: {yaml_line(__version__)}",
-            f"  inputs: {{{yaml_line(urdf.name)}: {file_hash(urdf)}}}",
+            f"  inputs: {{{yaml_line(urdf.name, within=True)}: {file_hash(urdf)}}}",
             "  values:",
             *[f"    {yaml_line(place)}: {yaml_line(why)}" for place, why in values.items()],
         ]
@@ -232,7 +232,7 @@ def new_waypoints(begun: Begun) -> str:
     columns = tuple(_followed(column, followers) for column in columns)
     start = [_start(column) for column in columns]
     end = [_end(column, at) for column, at in zip(columns, start, strict=True)]
-    names = ", ".join(yaml_line(column.name) for column in columns)
+    names = ", ".join(yaml_line(column.name, within=True) for column in columns)
     there, back, name = _numbers(end), _numbers(start), begun.urdf.name
     # at most 0.3 of every velocity limit (quintic: peak 15/8)
     needed = [
@@ -286,7 +286,7 @@ def write_new(
     """Write NAME.yaml and NAME.waypoints.yaml for a URDF, never over existing files.
 
     Also the JSON schemas of both, which their first lines name for editors; with a payload
-    rating.waypoints.yaml, with a mass NAME.masses.urdf.
+    NAME.rating.waypoints.yaml, with a mass NAME.masses.urdf.
 
     Args:
         urdf: see `Begun.read`; NAME is its name without suffix.
@@ -309,7 +309,7 @@ def write_new(
     except PinfricError:
         pass  # a floating joint: motions are made in Python
     if rating:
-        contents["rating.waypoints.yaml"] = _checked("waypoints", rating)
+        contents[f"{name}.rating.waypoints.yaml"] = _checked("waypoints", rating)
     if begun.masses:
         contents[f"{name}.masses.urdf"] = robot_text(begun.robot, begun.masses)
     for file in contents:
@@ -333,8 +333,7 @@ def _mass_guess(begun: Begun) -> str:
 
 
 def _xacro_section(arguments: Mapping[str, str]) -> list[str]:
-    words = ", ".join(f"{yaml_line(name)}: {yaml_line(value)}" for name, value in arguments.items())
-    return [f"  xacro_args: {{{words}}}"] if arguments else []
+    return [f"  xacro_args: {yaml_line(dict(arguments))}"] if arguments else []
 
 
 def _masses_section(begun: Begun) -> list[str]:
@@ -353,13 +352,13 @@ def _payload_section(payload: Payload | None, link: str) -> list[str]:
     if payload is None:
         return [
             "  # payloads:                  # what it carries; com in the link's frame",
-            f"  #   box: {{link: {yaml_line(link)}, mass: 1.0, com: [0, 0, 0.05], "
+            f"  #   box: {{link: {yaml_line(link, within=True)}, mass: 1.0, com: [0, 0, 0.05], "
             "attached: false}",
         ]
-    com = ", ".join(_short(x) for x in payload.com)
+    carrier, com = yaml_line(payload.link, within=True), ", ".join(map(_short, payload.com))
     return [
         "  payloads:                    # what it carries; com in the link's frame",
-        f"    rated: {{link: {yaml_line(payload.link)}, mass: {payload.mass:g}, com: [{com}]}}"
+        f"    rated: {{link: {carrier}, mass: {payload.mass:g}, com: [{com}]}}"
         "  # the rating: along z of its link",
     ]
 
@@ -467,7 +466,9 @@ def _actuators_section(robot: Robot) -> list[str]:
     for name in Scene(robot.model).actuator_names:
         ratio = robot.gears.get(name) if name in single else None
         gear = "" if ratio is None else (f", transmission: {{ratio: {_short(ratio, 12)}}}")
-        lines.append(f"  - {{joint: {yaml_line(name)}{gear}}}{'  # the URDF' if gear else ''}")
+        lines.append(
+            f"  - {{joint: {yaml_line(name, within=True)}{gear}}}{'  # the URDF' if gear else ''}"
+        )
     return lines
 
 

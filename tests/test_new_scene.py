@@ -469,10 +469,32 @@ def test_robot_that_moves_no_mass_gets_no_simulation_that_would_fail(tmp_path, b
     assert np.ptp(first_motion(urdf, tmp_path).q) > 0
 
 
+@pytest.mark.parametrize("name", ["a,b", "x, y: z", "[arm]", "{arm}", "#1", "it's", "null"])
+def test_names_with_characters_of_yaml_are_quoted(tmp_path, name):
+    """Of files, joints and links."""
+    urdf = chain(tmp_path, (name, "revolute", LEVEL + limits(-1, 1)))
+    urdf = urdf.rename(tmp_path / f"{name}.urdf")
+    scene_file, waypoints, rating = write_new(urdf, tmp_path / "new", 1.0)
+    scene = pf.load_scene(scene_file)
+    assert scene.actuator_names == (name,)
+    assert len(pf.load_trajectory(waypoints, scene).t) > 1
+    assert pf.load_trajectory(rating, scene).rating.payload == 1.0
+    written = yaml.safe_load(scene_file.read_text())
+    assert list(written["assumed"]["inputs"]) == [f"{name}.urdf"]
+
+
+def test_ratings_of_two_robots_stand_in_one_folder(tmp_path):
+    for name in ("one", "two"):
+        urdf = chain(tmp_path, ("j", "revolute", LEVEL + limits(-1, 1)))
+        files = write_new(urdf.rename(tmp_path / f"{name}.urdf"), tmp_path / "new", 1.0)
+        assert files[-1].name == f"{name}.rating.waypoints.yaml"
+    assert len(list((tmp_path / "new").glob("*.rating.waypoints.yaml"))) == 2
+
+
 def test_a_rated_payload_goes_into_the_scene_and_into_a_motion(tmp_path):
     urdf = "example-robot-data:xarm_description/urdf/xarm7.urdf"
     scene_file, _, way_file = write_new(urdf, tmp_path, 3.5)
-    assert way_file.name == "rating.waypoints.yaml"
+    assert way_file.name == "xarm7.rating.waypoints.yaml"
     scene = pf.load_scene(scene_file)
     payload = scene.payloads["rated"]
     assert (payload.link, payload.mass, payload.com) == ("link_eef", 3.5, (0.0, 0.0, 0.1))

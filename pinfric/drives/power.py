@@ -26,6 +26,8 @@ from pinfric.model.described import derived, described, quantity
 from pinfric.motions.summary import rms
 
 _BRAKING = "braking energy"
+#: Of the largest power: less is rounding of its parts.
+_ROUNDING = 1e-9
 
 
 @described
@@ -122,6 +124,7 @@ def bus_power(
     known = {name: motor for name, motor in drives.items() if motor is not None}
     for motor in known.values():
         power += motor.power
+    power[np.abs(power) < _ROUNDING * np.abs(power).max()] = 0.0  # or it would be fed back
     flow = power_figures(stretched, power)
     burst = _burst(t, power, duty)
     voltage, period = conditions.bus_voltage, float(stretched[-1] - stretched[0])

@@ -222,10 +222,12 @@ def yaml_text(content: Any, comments: Mapping[tuple[str, ...], str] | None = Non
     return _dumped(yaml, _with_comments(content, (), comments or {}))
 
 
-def yaml_line(value: Any) -> str:
-    """Return a value as YAML on one line."""
+def yaml_line(value: Any, within: bool = False) -> str:
+    """Return a value as YAML on one line; `within`: as it stands in [...] or {...}."""
     yaml = _yaml()
     yaml.default_flow_style = True
+    if within:
+        return _dumped(yaml, [value]).removesuffix("\n")[1:-1]
     return _dumped(yaml, value).removesuffix("\n").removesuffix("\n...")
 
 

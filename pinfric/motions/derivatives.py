@@ -105,16 +105,6 @@ def velocity_derivative(
     return a
 
 
-def acceleration_noise(t: ArrayLike, resolution: float) -> float:
-    """Return the standard deviation that rounding of positions leaves in spline accelerations.
-
-    sigma_a = 4.8 resolution / (sqrt(12) h^2), h the median time step: rounding is uniform, and the
-    quintic spline's second derivative passes white noise with a gain of 4.8 / h^2 (`SPLINE_GAINS`).
-    """
-    step = float(np.median(np.diff(np.asarray(t, dtype=np.float64))))
-    return SPLINE_GAINS[1] * resolution / (np.sqrt(12.0) * step**2)
-
-
 def _moving_pieces(
     count: int, holds: Sequence[tuple[int, int]]
 ) -> Iterator[tuple[slice, bool, bool]]:

@@ -165,7 +165,7 @@ class Rated:
                 parts += [f"duration: {point.duration:g}"] if point.duration else []
                 parts += [f"hold: {point.hold:g}"] if point.hold else []
                 lines.append(f"  - {{{', '.join(parts)}}}")
-        joints = ", ".join(map(yaml_line, names))
+        joints = ", ".join(yaml_line(name, within=True) for name in names)
         own = self.rating.model_dump(exclude_defaults=True) | {"points": points_sum(written)}
         head = ["pinfric_trajectory: 1", "profile: quintic", f"sample_rate: {_RATE:g}"]
         head += [f"rating: {yaml_line(own)}", f"joints: [{joints}]", "points:"]

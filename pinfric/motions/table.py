@@ -9,7 +9,6 @@ import numpy as np
 
 from pinfric.model.arrays import BoolArray, FloatArray
 from pinfric.motions.derivatives import (
-    acceleration_noise,
     find_holds,
     position_derivatives,
     velocity_derivative,
@@ -18,13 +17,11 @@ from pinfric.motions.joint_columns import JointColumn, listing
 from pinfric.motions.log.rows import GAP_FACTOR, gaps
 from pinfric.motions.log.still import with_resting_ends
 
-#: Share of a joint's peak acceleration that may be rounding noise before it is pointed out.
-_NOISE_SHARE = 0.05
 #: Share of a joint's peak speed by which its velocities may miss those of its positions (RMS).
 _MISMATCH_SHARE = 0.1
 #: The same where rows are few, and their velocities' means say less of the motion between them.
 _FEW_ROWS_MISMATCH = 0.5
-#: Fewer samples than this say too little about noise or about a mismatch.
+#: Fewer samples than this say too little about a mismatch.
 _FEWEST_SAMPLES = 20
 #: Share of its speed (RMS) by which a joint may change it from row to row where derivatives come
 #: from a spline: 8 rows in a move from rest to rest, 14 in a period of an oscillation. Splines
@@ -105,7 +102,6 @@ def complete_derivatives(
         v[:, i] = fitted_v
         if np.isnan(a[0, i]):
             a[:, i] = fitted_a
-            warnings += _noise_warning(columns[i], table.t, fitted_a, resolution)
     problems += [
         f"joint{'s' * (len(names) > 1)} {', '.join(names)}: moves across gaps in time ({where}), "
         "where its derivatives are unknown; give .v and .a, or the missing samples"
@@ -184,17 +180,3 @@ def mismatch_warnings(columns: Sequence[JointColumn], table: TrajectoryTable) ->
                 "order and sign, or leave the velocities out"
             )
     return lines
-
-
-def _noise_warning(
-    column: JointColumn, t: FloatArray, acceleration: FloatArray, resolution: float
-) -> list[str]:
-    noise, peak = acceleration_noise(t, resolution), float(np.abs(acceleration).max())
-    # where a joint stands still throughout, its accelerations are 0 and hold no noise
-    if t.size < _FEWEST_SAMPLES or peak == 0.0 or noise <= _NOISE_SHARE * peak:
-        return []
-    return [
-        f"joint {column.name}: positions rounded to {resolution:.1g} {column.unit} leave noise of "
-        f"about {noise:.2g} {column.unit}/s^2 in accelerations that peak at {peak:.3g}; give more "
-        "digits, or .v and .a columns"
-    ]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
@@ -11,6 +12,7 @@ from pinfric.drives.catalog import Catalog
 from pinfric.drives.duty import Schedule
 from pinfric.drives.friction import drive_friction
 from pinfric.drives.policy import KIT
+from pinfric.dynamics.inverse.inverse import inverse_dynamics
 from pinfric.dynamics.inverse.result import InverseResult
 from pinfric.dynamics.samples.states import States
 from pinfric.model.scene import Scene
@@ -21,21 +23,52 @@ _CLOSES = 1e-3
 _LOOKED_AT = 1000
 #: Gaps of a cycle that a note lists; the others are counted.
 _MOST_GAPS = 4
-#: Begins a gap that no return move closes.
-_PAYLOAD = "payload "
+#: Begins, and ends, a gap that no return move closes.
+_PAYLOAD, _REST = "payload ", ", and its load depends on the angle: add the rest of the turn"
+#: Entries of q (cosine and sine) and of v of an axis without end.
+_ENDLESS = 2, 1
 
 
 def unclosed(result: InverseResult, duty: Schedule) -> tuple[str, ...]:
     """Return in words how a cycle's end differs from its start; empty if it closes.
 
     Allowed are 0.1 % of a joint's travel, at least 1e-4 rad or m, and of its largest velocity, at
-    least the stick velocity: a log closes no better.
+    least the stick velocity: a log closes no better. An axis without end may turn on, if the
+    efforts of the next cycle are the same.
     """
     gaps = []
     for name, samples in duty.parts():
-        where = f"{name}: " if len(duty.names) > 1 else ""
-        gaps += [where + gap for gap in _gaps(result.scene, result.states.part(samples))]
+        where, states = f"{name}: " if len(duty.names) > 1 else "", result.states.part(samples)
+        on = _turned_on(result.scene, states)
+        if on is not None and _same_efforts(result, samples, on):
+            states = replace(states, q=np.concatenate([on.q[:1], states.q[1:]]))
+        gaps += [where + gap for gap in _gaps(result.scene, states)]
     return tuple(gaps)
+
+
+def _turned_on(scene: Scene, states: States) -> States | None:
+    """The next cycle: axes without end begin it where this one ends; None: there are none."""
+    away = pin.difference(scene.model, states.q[0], states.q[-1])
+    endless = np.zeros(scene.model.nv)
+    for joint in list(scene.model.joints)[1:]:
+        if (joint.nq, joint.nv) == _ENDLESS:
+            endless[joint.idx_v] = away[joint.idx_v]
+    if not endless.any():
+        return None
+    return replace(states, q=np.array([pin.integrate(scene.model, q, endless) for q in states.q]))
+
+
+def _same_efforts(result: InverseResult, samples: slice, on: States) -> bool:
+    """Whether the efforts of some samples are those of the same cycle, turned on."""
+    turned = inverse_dynamics(result.scene, on.q, on.v, on.a, t=on.t, attached=on.attached)
+    ends = (
+        (getattr(result, name)[samples], getattr(turned, name))
+        for name in ("effort_lower", "effort_upper")
+    )
+    return all(
+        np.allclose(ours, theirs, rtol=0, atol=_CLOSES * np.abs(ours).max())
+        for ours, theirs in ends
+    )
 
 
 def discontinuities(result: InverseResult, duty: Schedule) -> tuple[str, ...]:
@@ -61,7 +94,8 @@ def _gaps(scene: Scene, states: States) -> list[str]:
         gap = float(np.linalg.norm(away[columns]))
         jump = float(np.linalg.norm(states.v[-1, columns] - states.v[0, columns]))
         if gap > max(_CLOSES * float(np.linalg.norm(ways[:, columns], axis=1).max()), 1e-4):
-            gaps.append(f"{name} ends {gap:.3g} {unit} from where it began")
+            turns = (joint.nq, joint.nv) == _ENDLESS
+            gaps.append(f"{name} ends {gap:.3g} {unit} from where it began" + _REST * turns)
         if jump > max(_CLOSES * float(speed.max()), scene.stick_velocity):
             gaps.append(f"{name} ends with a velocity {jump:.3g} {unit}/s from that at its start")
     resting = bool((np.abs(states.v[[0, -1]]) <= scene.stick_velocity).all())
@@ -148,7 +182,7 @@ def _of_the_motion(gaps: Sequence[str], jumps: Sequence[str]) -> list[str]:
         )
     if gaps:
         more = f" and {len(gaps) - _MOST_GAPS} more" if len(gaps) > _MOST_GAPS else ""
-        returns = any(_PAYLOAD not in gap for gap in gaps)
+        returns = any(_PAYLOAD not in gap and _REST not in gap for gap in gaps)
         opening.append(
             f"The cycle does not close: {'; '.join(gaps[:_MOST_GAPS])}{more}. RMS, energies, "
             "temperatures, overload and gear life assume that it repeats without a pause"

@@ -1,5 +1,7 @@
 """The bus of all drives, by independent sums."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -8,6 +10,8 @@ from sizing_cases import MOTOR, one_drive, sized_cycle, trapezoid, turntable
 
 import pinfric as pf
 from pinfric.drives.criterion import Status
+from pinfric.drives.duty import once
+from pinfric.drives.policy import Conditions
 from pinfric.drives.power import _with_prefix, bus_power
 from pinfric.errors import CatalogError
 from pinfric.motions.summary import ends_by_magnitude
@@ -160,6 +164,20 @@ def test_a_sag_passes_only_where_power_and_voltage_of_all_drives_are_known(tmp_p
 )
 def test_values_of_parts_have_the_prefix_of_their_unit(value, said):
     assert _with_prefix(value) == said
+
+
+def test_rounding_of_a_drives_powers_feeds_nothing_back():
+    """It asked for a resistor of 1.7e12 Mohm."""
+    t, driven = np.linspace(0.0, 1.0, 5), np.array([1.0, 0.1, 0.2, 0.7, 1.0])
+
+    def bus(rest):
+        motors = {name: SimpleNamespace(power=x, copper=True) for name, x in rest.items()}
+        return bus_power(motors, t, once(5), Conditions(), {})
+
+    rounded = bus({"a": driven, "b": np.array([0.0, -0.1 - 1e-14, 0.0, 0.0, 0.0])})
+    assert rounded.resistor is None
+    assert rounded.remedy.startswith("no energy is fed back")
+    assert bus({"a": driven, "b": np.array([0.0, -0.1001, 0.0, 0.0, 0.0])}).resistor is not None
 
 
 def test_drives_that_feed_nothing_back_do_not_speak_for_others(tmp_path):

@@ -311,7 +311,8 @@ def judge_rating(name, ledger, folder, payload, urdf):
     """A rating, and the same rating as the way-points that `new` writes for it."""
     made = pinfric("new", urdf, "--payload", payload, "--out", folder)
     ledger.holds("new: runs", name, made.code == 0, made.err)
-    scene, points = folder / f"{Path(urdf).stem}.yaml", folder / "rating.waypoints.yaml"
+    scene = folder / f"{Path(urdf).stem}.yaml"
+    points = scene.with_suffix(".rating.waypoints.yaml")
     rating, cycle = (
         pinfric("size", scene, *words, *DEFAULT, "--json").result
         for words in (("--rating", f"payload={payload}"), (points,))

@@ -6,7 +6,7 @@ from builders import pick_and_place
 from numpy.testing import assert_allclose
 
 from pinfric.motions.derivatives import (
-    acceleration_noise,
+    SPLINE_GAINS,
     find_holds,
     position_derivatives,
     velocity_derivative,
@@ -98,9 +98,9 @@ def test_staircase_longer_than_one_window():
     assert find_holds(q, 1e-9)[-1] == (5000, 5400)
 
 
-def test_acceleration_noise_is_the_measured_one():
+def test_the_gain_of_noise_in_accelerations_is_the_measured_one():
     rng = np.random.default_rng(1)
     t = np.arange(4000) * 0.002
     noise = rng.uniform(-0.5e-4, 0.5e-4, t.size)
     _, a = position_derivatives(t, noise, [])
-    assert a[10:-10].std() == pytest.approx(acceleration_noise(t, 1e-4), rel=0.1)
+    assert a[10:-10].std() == pytest.approx(SPLINE_GAINS[1] * noise.std() / 0.002**2, rel=0.1)

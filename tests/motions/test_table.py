@@ -116,6 +116,21 @@ def test_velocities_that_fit_are_not_however_coarse_the_positions(tmp_path, digi
         assert with_velocity(tmp_path, t, q, 0.95 * v, digits=digits) == []
 
 
+def ramp(digits):
+    """1 rad/s reached in 0.25 s: at 100 Hz no position has more than four digits."""
+    t = np.arange(0.0, 3.0, 0.01)
+    q = np.where(t < 0.25, 2.0 * t**2, t - 0.125)
+    return "t,a\n" + "".join(f"{x:.4f},{y:.{digits}f}\n" for x, y in zip(t, q, strict=True))
+
+
+def test_round_numbers_of_a_constant_speed_are_not_rounding(tmp_path):
+    """Eight digits of which four are zeros; what is rounded is filtered, and said so."""
+    assert load(tmp_path, ramp(8)).warnings == ()
+    rounded = np.round(1.3 * np.sin(2.0 * np.arange(0.0, 3.0, 0.01)), 3)
+    rows = (f"{0.01 * k:.2f},{q:.8f}\n" for k, q in enumerate(rounded))
+    assert load(tmp_path, "t,a\n" + "".join(rows)).warnings[0].startswith("filtered at 3")
+
+
 def test_angles_of_a_wheel_may_wrap(tmp_path):
     t = np.linspace(0, 4, 401)
     wrapped = np.angle(np.exp(4j * t))

@@ -616,6 +616,24 @@ def test_full_turns_of_a_continuous_joint_close():
     assert pf.size(scene, motion).unclosed == ()
 
 
+@pytest.mark.parametrize(
+    ("lever", "axis", "closes"),
+    [(0.0, "RUBX", True), (0.1, "RUBZ", True), (0.1, "RUBX", False)],
+)
+def test_an_axis_without_end_may_turn_on_where_its_load_is_the_same(lever, axis, closes):
+    """A drum on its axis, a turntable; but not a lever that turns in gravity."""
+    body = pin.Inertia(1.0, np.array([0.0, lever, 0.0]), np.eye(3))
+    model = chain(("table", getattr(pin, f"JointModel{axis}")(), body))
+    scene = pf.Scene(model=model)
+    t = np.linspace(0.0, 1.0, 200)
+    angle, v = 2.0 * t, np.full((200, 1), 2.0)
+    q = np.column_stack([np.cos(angle), np.sin(angle)])
+    report = pf.size(scene, pf.Trajectory.from_arrays(scene, t, q, v, 0 * v))
+    gap = "table ends 2 rad from where it began, and its load depends on the angle: "
+    assert report.unclosed == (() if closes else (gap + "add the rest of the turn",))
+    assert not any("return move" in note for note in report.notes)
+
+
 def test_the_next_smaller_says_what_it_lacks(tmp_path):
     motors = {
         "small": {**MOTOR, "mass": 0.3, "continuous_torque": 0.06, "thermal": None},
