@@ -199,6 +199,8 @@ class SizingReport(Shown):
             whether that was reached.
         other_mass: where the scene does not say whether its links hold the drives: mass of the
             drives that would be chosen if they do, kg; None: it says, or the links are too light.
+        lighter: by column, drives that weigh no more than what they move, where those chosen
+            outweigh it: provisional ones, too; empty: there are none.
         contradiction: that links are said to hold drives that outweigh them; these were then added.
         assumptions: of the sizing, in sentences.
         unclosed: states that differ between end and start of the cycle; empty if it closes.
@@ -224,6 +226,7 @@ class SizingReport(Shown):
     passes: int
     settled: bool
     other_mass: float | None = None
+    lighter: Mapping[int, Assessment] = field(default_factory=dict)
     assumptions: tuple[str, ...] = ()
     unclosed: tuple[str, ...] = ()
     stops: StopResult | None = None

@@ -187,6 +187,7 @@ def _report(task: Task, memory: Memory, choice: Choice) -> SizingReport:
         stops=stops,
         no_stops=no_stops,
         other_mass=_other_mass(task, memory, choice),
+        lighter=_lighter(task, memory, choice),
         rating=rating,
         elsewhere=tuple(task.elsewhere),
         beyond=moves_beyond(without.scene, without.states.q[own], without.states.v[own]),
@@ -203,6 +204,21 @@ def _other_mass(task: Task, memory: Memory, choice: Choice) -> float | None:
     other = task.with_masses({**bare, OTHERS: "with_drives"})
     held = settle(other, memory, Choice(most=choice.most), OF_DRIVES)[1]
     return None if contradiction(other, held.taken) else held.mass
+
+
+def _lighter(task: Task, memory: Memory, choice: Choice) -> dict[int, Assessment]:
+    """Drives that weigh no more than what they move, where the signed ones outweigh it.
+
+    Each weighs at most its share of that mass; they may be provisional. Empty: there are none.
+    """
+    moved = sum(body.mass for body in list(task.scene.model.inertias)[1:])
+    moved += max((x.mass for x in task.scene.payloads.values()), default=0.0)
+    if choice.mass <= moved or not all(a.fits for a in choice.taken.values()):
+        return {}
+    most = moved / len(choice.taken)
+    light = settle(task, memory, Choice(bare=choice.bare, most=most), OF_DRIVES)[1].taken
+    fit = light.keys() == choice.taken.keys() and all(a.fits or a.would for a in light.values())
+    return dict(light) if fit else {}
 
 
 def _joint(task: Task, memory: Memory, choice: Choice, i: int) -> JointSizing:

@@ -73,6 +73,17 @@ class Provisional:
 
 
 @described
+class Lighter:
+    """A drive of a joint that weighs no more than what it moves; not signed, or with others."""
+
+    name: str = quantity("the joint's", heading="joint", name=True)
+    drive: str = quantity("motor and gear", heading="drive")
+    mass: float | None = quantity("none: not known", "kg", "mass")
+    ask: tuple[str, ...] = quantity("figures that its makers must be asked for; empty: none")
+    would: str = quantity('what these must be; "": it fits', heading="would fit if")
+
+
+@described
 class ToAsk:
     """A product that might do, lighter than the choice, but cannot be signed."""
 
@@ -257,6 +268,9 @@ class SizingSummary:
         "mass of the drives if the links hold them; none: the scene says it, or they are too light",
         "kg",
     )
+    lighter: tuple[Lighter, ...] = quantity(
+        "where the drives outweigh what they move, drives that do not; empty: there are none"
+    )
     ask: tuple[ToAsk, ...] = quantity(
         "lighter products that cannot be signed, fewest figures first"
     )
@@ -287,11 +301,21 @@ def sizing_summary(report: SizingReport) -> SizingSummary:
         off=float(t[-1] - t[duty.starts[-2]]) if duty.off else 0.0,
         joints=tuple(_sized_joint(report, k, lever) for k, lever in enumerate(levers(report))),
         mountings=tuple(_hardest(joint) for joint in report.joints if joint.mountings),
+        lighter=_lighter(report),
         ask=to_ask(report),
         stops=None if report.stops is None else stop_summary(report.stops),
         unchecked=() if report.catalog is None else unchecked(report),
         robot_criteria=report.arm_criteria,
         elasticity=None if report.elastic is None else elastic_summary(report.elastic),
+    )
+
+
+def _lighter(report: SizingReport) -> tuple[Lighter, ...]:
+    return tuple(
+        Lighter(
+            report.joints[i].name, a.name, a.mass, of_maker(a.lacks, a.kind), "; ".join(a.would)
+        )
+        for i, a in sorted(report.lighter.items())
     )
 
 

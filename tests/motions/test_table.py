@@ -128,7 +128,7 @@ def test_round_numbers_of_a_constant_speed_are_not_rounding(tmp_path):
     assert load(tmp_path, ramp(8)).warnings == ()
     rounded = np.round(1.3 * np.sin(2.0 * np.arange(0.0, 3.0, 0.01)), 3)
     rows = (f"{0.01 * k:.2f},{q:.8f}\n" for k, q in enumerate(rounded))
-    assert load(tmp_path, "t,a\n" + "".join(rows)).warnings[0].startswith("filtered at 3")
+    assert load(tmp_path, "t,a\n" + "".join(rows)).warnings[0].startswith("filtered at 2.99 Hz")
 
 
 def test_angles_of_a_wheel_may_wrap(tmp_path):

@@ -21,8 +21,8 @@ from sizing_cases import (
 import pinfric as pf
 from pinfric.drives.criterion import Status
 from pinfric.show.pages.sizing import sizing_page
-from pinfric.show.report.drives import provisional_table
-from pinfric.show.report.sizing import verdict
+from pinfric.show.report.drives import lighter_table, provisional_table
+from pinfric.show.report.sizing import sizing_report, verdict
 from pinfric.sizing.drive_search import DriveSearch, Parts
 from pinfric.sizing.provisional import provisional
 from pinfric.sizing.summary import sizing_summary
@@ -210,3 +210,26 @@ def test_a_banned_drive_is_not_provisional(tmp_path):
     banned = Parts(banned=frozenset([provisional(search).candidate.name]))
     other = DriveSearch(search.arrays, search.case, banned)
     assert provisional(other).candidate.gear_name == "H"
+
+
+@pytest.mark.parametrize(("heavy", "shown"), [(1.5, True), (0.3, False)])
+def test_drives_that_outweigh_what_they_move_have_a_light_provisional_one_beside(
+    tmp_path, heavy, shown
+):
+    """A turntable of 1 kg; the light gear lacks its stiffness."""
+    light = {k: v for k, v in GEAR.items() if k != "stiffness"} | {"mass": 0.1}
+    motors = {"M": {**MOTOR, "mass": 0.2}}
+    file = write_catalog(tmp_path / "c.yaml", motors, {"G": {**GEAR, "mass": heavy}, "L": light})
+    report = sized_cycle(str(file), on_miss="ignore")
+    summary = sizing_summary(report)
+    assert report.verdict.headline.startswith("1 of 1 joints can be signed")
+    rows = [(row.name, row.drive, row.mass, row.ask) for row in summary.lighter]
+    assert rows == [("table", "M + L", pytest.approx(0.3), ("stiffness",))] * shown
+    table = lighter_table(summary)
+    assert (table is not None) == shown
+    if shown:
+        (needed,) = re.findall(r"stiffness >= ([\d.e+]+)", summary.lighter[0].would)
+        assert float(needed) == pytest.approx(LEAST["stiffness"], rel=5e-3)
+        assert table.title == "lighter, 0.300 kg in all, but not signed: ask for stiffness"
+        assert table in sizing_report(report, verbose=False)
+        assert table.title in sizing_page(report)

@@ -26,6 +26,7 @@ from pinfric.show.report.drives import (
     by_text,
     choice_table,
     currents_table,
+    lighter_table,
     product_lines,
     provisional_table,
     rating_table,
@@ -138,6 +139,7 @@ def sizing_page(report: SizingReport, command: str = "", inputs: Iterable[str | 
         rules=_rules(summary, short),
         sources=[f"{', '.join(of)}: {text}" for text, of in documents.items()],
         provisional=provisional_table(summary),
+        lighter=lighter_table(summary),
         ask=ask_table(summary, _ASKED),
     )
 

@@ -153,6 +153,15 @@ def provisional_table(summary: SizingSummary) -> Table | None:
     return table_of("not signed" + f": ask for {', '.join(asked)}" * bool(asked), rows, only=only)
 
 
+def lighter_table(summary: SizingSummary) -> Table | None:
+    """Return drives that weigh no more than what they move, where the chosen ones do."""
+    rows = summary.lighter
+    asked = dict.fromkeys(figure for row in rows for figure in row.ask)
+    mass = digits(sum(row.mass or 0.0 for row in rows))
+    title = f"lighter, {mass} kg in all, but not signed: ask for {', '.join(asked)}"
+    return table_of(title, rows)
+
+
 def ask_table(summary: SizingSummary, most: int = 0) -> Table | None:
     """Return the products that lack a figure, fewest figures first; None: none.
 

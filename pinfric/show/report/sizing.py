@@ -21,6 +21,7 @@ from pinfric.show.report.drives import (
     bus_table,
     choice_table,
     currents_table,
+    lighter_table,
     mass_table,
     mounting_table,
     product_lines,
@@ -77,6 +78,7 @@ def sizing_report(report: SizingReport, verbose: bool = True, written: bool = Fa
         mounting_table(summary),
         choice_table(summary),
         provisional_table(summary),
+        lighter_table(summary),
         mass_table(summary),
         smaller_table(summary),
         product_lines(summary),
@@ -112,6 +114,7 @@ def _short(
         choice_table(summary, short=True),
         mounting_table(summary),
         provisional_table(summary),
+        lighter_table(summary),
         [
             *brake_line(summary),
             *amplifier_lines(summary),
