@@ -8,8 +8,9 @@ from dataclasses import replace
 from pinfric.drives.catalog import Amplifier
 from pinfric.drives.criterion import Status
 from pinfric.drives.drivetrain import PER_DC_AMPERE, Candidate, MotorCycle, motor_cycle
-from pinfric.drives.limit import JointCase, read_drive
+from pinfric.drives.limit import JointCase
 from pinfric.drives.limits import LIMITS
+from pinfric.drives.reading import read_drive
 
 #: How the rows of `LIMITS` that judge an amplifier begin.
 _ROWS = "amplifier "
@@ -29,8 +30,8 @@ def amplifier_of(
     """
     if (named := candidate.amplifier) is not None:
         return next(name for name, amplifier in amplifiers.items() if amplifier is named), ""
-    if candidate.ratings.stepper is not None:
-        return "", "a stepper motor takes a driver of its own current"
+    if candidate.ratings.special is not None:
+        return "", candidate.ratings.special.UNFED
     if candidate.transmission is None or candidate.ratings.torque_constant is None:
         return "", "its currents are not known: no torque constant"
     motors = [(motor_cycle(candidate, case.cycle, case.conditions), case) for case in cases]

@@ -16,7 +16,9 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from pinfric.drives.bearing import BearingRatings
-from pinfric.drives.policy import Conditions
+from pinfric.drives.kinds.kind import Kind
+from pinfric.drives.kinds.stepper import Stepper
+from pinfric.drives.policy import REFERENCE_TEMPERATURE, Conditions
 from pinfric.model.brakes import BRAKE_PEAK, HoldingBrake
 from pinfric.model.entry import (
     Entry,
@@ -38,8 +40,6 @@ from pinfric.model.transmission import (
     Transmission,
 )
 
-#: Ambient temperature to which makers refer resistances and ratings, degrees Celsius.
-REFERENCE_TEMPERATURE = 25.0
 #: Kind of gear -> no-load running torque over rated torque, both at the input, where none is
 #: printed. Strain wave: Schaeffler RT1-H-CS 25, the largest of its series (both grow with the cube
 #: of the size: 0.035 to 0.195 N m of sizes 14 to 25); planetary: nine in ten of 83 that print it
@@ -115,60 +115,6 @@ class RatedEntry(Sourced):
         return self
 
 
-class Stepper(Entry):
-    """What a stepper motor has in place of continuous, peak torque and speed-torque line.
-
-    It follows its steps up to the pull-out torque of its speed. Without the maker's curve half of
-    that of resistance, inductance and holding torque counts (`rules.pull_out_torque`).
-    """
-
-    holding_torque: Positive = key("at rest, both phases on at the rated current", 0.59, "N m")
-    current: Positive = key("rated, of each phase", 2.0, "A")
-    steps: Positive = key("full steps per turn", 200, "1", default=200.0)
-    resistance: Positive | None = optional("of a phase, end to end", 1.4, "Ohm")
-    inductance: Positive | None = optional("of a phase", 0.003, "H")
-    pull_out: tuple[tuple[NonNegative, Positive], ...] | None = optional(
-        "the maker's curve: points of speed (rad/s) and pull-out torque (N m)",
-        [[22.0, 2.82], [62.8, 1.29], [103.7, 0.78]],
-    )
-    voltage: Positive | None = optional("of the driver of that curve", 36.0, "V")
-    driver: str = key("of that curve, with its current", "DM556T, 4.1 A", default="")
-    detent_torque: NonNegative | None = optional("without current", 0.015, "N m")
-    standstill_current: Number = key(
-        "share of the current, and of the holding torque, that its driver leaves at rest",
-        0.5,
-        "1",
-        gt=0,
-        le=1,
-        default=0.5,
-    )
-    temperature_rise: Positive = key(
-        "of the winding at the rated current in both phases", 80.0, "K", default=80.0
-    )
-    max_winding: Number = key("highest of the winding: class B", 130.0, "deg C", default=130.0)
-
-    @model_validator(mode="after")
-    def _has_a_curve(self) -> Stepper:
-        if self.pull_out is None and (self.resistance is None or self.inductance is None):
-            raise ValueError(
-                "no `pull_out`, and no `resistance` with `inductance`: its torque in motion is not "
-                "known; take the maker's curve with its voltage and driver, or measure resistance "
-                "and inductance of one phase, its shaft held"
-            )
-        if self.pull_out is not None and self.voltage is None:
-            raise ValueError("pull_out: give the `voltage` of the driver for which it is printed")
-        at = [speed for speed, _ in self.pull_out or ()]
-        if any(b <= a for a, b in pairwise(at)) or len(at) == 1:
-            raise ValueError("pull_out: points [rad/s, N m], rad/s ascending, two or more")
-        most = max((torque for _, torque in self.pull_out or ()), default=0.0)
-        if most > self.holding_torque:
-            raise ValueError(
-                f"pull_out: {most:g} N m is more than holding_torque {self.holding_torque:g} N m: "
-                "swapped, or a unit?"
-            )
-        return self
-
-
 class Motor(RatedEntry):
     """A motor: torques and speeds at its shaft."""
 
@@ -228,6 +174,11 @@ class Motor(RatedEntry):
         "of a stepper motor, in place of torques and speeds",
         {"holding_torque": 0.59, "current": 2.0, "resistance": 1.4, "inductance": 0.003},
     )
+
+    @property
+    def special(self) -> Kind | None:
+        """What it has in place of torques and a speed-torque line; None: it has these."""
+        return self.stepper
 
     @property
     def frameless(self) -> bool:

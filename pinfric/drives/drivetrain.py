@@ -24,7 +24,6 @@ import numpy as np
 
 from pinfric.drives.bearing import BearingRatings
 from pinfric.drives.catalog import (
-    REFERENCE_TEMPERATURE,
     WARM,
     Amplifier,
     Brake,
@@ -33,21 +32,20 @@ from pinfric.drives.catalog import (
     GearMotor,
     Motor,
     Sourced,
-    Stepper,
     Thermal,
 )
 from pinfric.drives.demand import DriveCycle, largest, mean, power_figures
+from pinfric.drives.kinds.kind import Kind
+from pinfric.drives.kinds.servo import continuous_torque
 from pinfric.drives.overload import heat_lag, settled_heat
 from pinfric.drives.policy import (
     COOLING,
-    EXTRA_LOW_VOLTAGE,
-    HOBBY,
     KIT,
     MOST_PEAK,
+    REFERENCE_TEMPERATURE,
     STALLED,
     Conditions,
 )
-from pinfric.drives.rules import COMPUTED_CURVE, pull_out_torque
 from pinfric.drives.thermal import (
     COPPER,
     WindingCycle,
@@ -67,8 +65,6 @@ from pinfric.motions.summary import ends_by_magnitude, rms
 
 #: What is said of a product whose figures were not read in its maker's document.
 RETYPED = "figures retyped by a third party"
-#: The same of a stepper without its maker's pull-out curve.
-_COMPUTED = f"pull-out torque by rule, {COMPUTED_CURVE:g} of that of resistance and inductance"
 #: What the ratings of a motor need, in words.
 _AIR = {"closed": "nothing", "plate": "a plate", "open": "free air", "fan": "a fan's air"}
 #: Torque constant of the equivalent DC motor over one that is printed per A of phase current.
@@ -103,7 +99,7 @@ class Ratings:
     ambient_curve: tuple[tuple[float, float], ...] | None = None
     cooling: str | None = None
     peak_by_stall: float | None = None
-    stepper: Stepper | None = None
+    special: Kind | None = None
     derived: tuple[tuple[str, str], ...] = ()
 
     @property
@@ -204,9 +200,9 @@ class Ratings:
         return None if torque is None or share is None else share * torque
 
     @property
-    def computed_curve(self) -> bool:
-        """Whether it is a stepper whose maker prints no pull-out curve."""
-        return self.stepper is not None and self.stepper.pull_out is None
+    def by_rule(self) -> str:
+        """What of its kind is by a rule, in words; or empty."""
+        return "" if self.special is None else self.special.by_rule
 
     @property
     def rated_up_to(self) -> float:
@@ -277,25 +273,6 @@ def bus_voltage(
     """Return the bus voltage (T,) that a cycle takes; None without a line."""
     taken = line_voltage(candidate.ratings, motor)
     return None if taken is None else taken / candidate.voltage_share(conditions)
-
-
-def pull_out_share(
-    ratings: Ratings, motor: MotorCycle, standing: np.ndarray, conditions: Conditions
-) -> np.ndarray | None:
-    """Return the share (T,) of a stepper's pull-out torque that a cycle takes; None: it is none.
-
-    At rest of its holding torque with the current that its driver leaves it.
-
-    Args:
-        standing: (T,) it stands still. conditions: the bus voltage.
-    """
-    if (stepper := ratings.stepper) is None:
-        return None
-    worst = np.abs(ends_by_magnitude(motor.torque_lower, motor.torque_upper)[0])
-    most = pull_out_torque(stepper, motor.speed, conditions.bus_voltage)
-    most = np.where(standing, stepper.standstill_current * stepper.holding_torque, most)
-    with np.errstate(divide="ignore"):
-        return np.where(worst > 0, worst / most, 0.0)
 
 
 def too_hot(ambient: float, hottest: float) -> str:
@@ -427,7 +404,7 @@ class Candidate:
         notes = list[str]()
         for name, entry in self._parts:
             said = [entry.note] * bool(entry.note) + [RETYPED] * (entry.grade == "T")
-            said += [_COMPUTED] * (entry is self.entry and self.ratings.computed_curve)
+            said += [self.ratings.by_rule] * (entry is self.entry and self.ratings.by_rule != "")
             notes += [f"{name}: {text}" for text in said]
         return tuple(notes)
 
@@ -823,12 +800,11 @@ def ratings_of(entry: Motor | GearMotor) -> Ratings:
         ratings.stall_torque,
         ratings.resistance,
     )
-    if (stepper := ratings.stepper) is not None:
-        continuous = stepper.holding_torque
-        text = "holding torque: its current heats it, not the load; see the pull-out torque"
+    if (special := getattr(entry, "special", None)) is not None:
+        continuous, text = special.torques
         derived += [(figure, text) for figure in ("continuous torque", "peak torque")]
-        highest = ratings.max_voltage or EXTRA_LOW_VOLTAGE
-        ratings = replace(ratings, peak_torque=continuous, max_voltage=highest)
+        highest = ratings.max_voltage or special.highest_voltage
+        ratings = replace(ratings, special=special, peak_torque=continuous, max_voltage=highest)
     if continuous is None and current is not None and k is not None:
         continuous = k * current
         text = "continuous torque = torque constant x continuous current"
@@ -837,8 +813,7 @@ def ratings_of(entry: Motor | GearMotor) -> Ratings:
     if isinstance(entry, GearMotor):
         blocked, current = entry.stall_torque, entry.peak_current
         if continuous is None and blocked is not None:
-            continuous = HOBBY * blocked
-            text = f"{HOBBY:g} x the stall torque, by rule (ROBOTIS, Torque Ratings, 2020)"
+            continuous, text = continuous_torque(blocked)
             derived.append(("continuous torque", text))
         text, printed = "the stall torque, a momentary maximum", peak
         peak = blocked if peak is None else peak

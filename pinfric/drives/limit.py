@@ -10,28 +10,22 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
 from types import SimpleNamespace
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from pinfric.drives.bearing import BearingRatings
-from pinfric.drives.brake import RestDemand
-from pinfric.drives.catalog import Gear
 from pinfric.drives.criterion import Criterion, Status, compare
 from pinfric.drives.demand import DriveCycle, GearDemand, largest
-from pinfric.drives.drivetrain import (
-    Candidate,
-    MotorCycle,
-    Ratings,
-    amplifier_torque,
-    braking_torque,
-    line_voltage,
-    pull_out_share,
-)
 from pinfric.drives.policy import STAND_IN_WORDS, STAND_INS, Conditions, stated
 from pinfric.dynamics.inverse.result import InverseResult
 from pinfric.model.springs import softest
 from pinfric.motions.summary import ends_by_magnitude, rests
+
+if TYPE_CHECKING:
+    from pinfric.drives.brake import RestDemand
+    from pinfric.drives.catalog import Gear
+    from pinfric.drives.drivetrain import Candidate, Ratings
 
 #: A number, or an array over gears and motors; NaN: not known.
 Value = Any
@@ -102,11 +96,12 @@ def columns(entries: Iterable[Any], figures: Iterable[str]) -> Figures:
     """Return the figures of entries, each an array."""
     there = list(entries)
     return Figures(
-        **{name: np.array([_figure(entry, name) for entry in there]) for name in figures}
+        **{name: np.array([figure_of(entry, name) for entry in there]) for name in figures}
     )
 
 
-def _figure(entry: Any, name: str) -> float:
+def figure_of(entry: Any, name: str) -> float:
+    """Return a figure of an entry, NaN where it is not known; of a curve of stiffness its least."""
     value = getattr(entry, name, None)
     return softest(value) if name == "stiffness" and value is not None else number(value)
 
@@ -211,60 +206,6 @@ class Candidates:
     def output(self) -> str:
         """The rated shaft, in words."""
         return " at its output" if self.at_output else " at its shaft"
-
-
-#: What the cycle asks of a motor of which nothing is known.
-_NOTHING_ASKED = (
-    *("peak", "rms", "mean_speed", "short_term", "overloaded_standstill", "standing"),
-    *("peak_temperature", "mean_temperature", "voltage", "overdriven", "braking", "pull_out"),
-    "hot",
-)
-
-
-def read_drive(candidate: Candidate, motor: MotorCycle | None, case: JointCase) -> Candidates:
-    """Return one drive as rows read it.
-
-    Args:
-        motor: the cycle at its rated shaft; None where figures for its torque are missing.
-    """
-    ratings, conditions = candidate.ratings, case.conditions
-    asked = Figures(**dict.fromkeys(_NOTHING_ASKED, np.nan), figures=None)
-    asked.mean_speed = np.inf  # a curve's last point counts
-    if motor is not None:
-        words = "holding", "current_kind"
-        figures = {k: number(v) for k, v in vars(motor.figures).items() if k not in words}
-        asked = Figures(**vars(asked) | figures | {"figures": motor.figures})
-        needed = line_voltage(ratings, motor)
-        asked.voltage = np.nan if needed is None else largest(needed)
-        taken = pull_out_share(ratings, motor, case.cycle.standing, conditions)
-        asked.pull_out = np.nan if taken is None else largest(taken)
-        limit, _ = amplifier_torque(candidate, "continuous_current")
-        if limit is not None:
-            worst = ends_by_magnitude(motor.torque_lower, motor.torque_upper)[0]
-            asked.overdriven = case.cycle.longest_above(worst, limit)
-    if candidate.transmission is not None and case.braking:
-        asked.braking = max(braking_torque(candidate, cycle) for cycle in case.braking)
-    gear = _numbers(candidate.gear, GEAR_FIGURES)
-    gear.backlash = number(candidate.backlash)
-    if candidate.gear is None:  # a gearmotor has some of a gear's figures
-        gear.stiffness = _figure(candidate.transmission, "stiffness")
-    return Candidates(
-        gear,
-        _numbers(ratings, MOTOR_FIGURES),
-        candidate.ratio,
-        number(candidate.rotor_inertia),
-        number(ratings.continuous_at(conditions, asked.mean_speed)[0]),
-        candidate.at_output,
-        candidate.linear,
-        case,
-        asked,
-        candidate,
-        candidate.voltage_share(conditions),
-    )
-
-
-def _numbers(entry: Any, figures: Iterable[str]) -> Figures:
-    return Figures(**{name: _figure(entry, name) for name in figures})
 
 
 #: What a sample of a motion asks, by name: the same need over a cycle. The motor's are at the rated

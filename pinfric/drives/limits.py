@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from pinfric.drives import kinds
 from pinfric.drives.bearing import (
     BALL,
     KINDS,
@@ -18,7 +19,7 @@ from pinfric.drives.bearing import (
     guide_safety,
     static_load,
 )
-from pinfric.drives.catalog import Nut, Screw, Stepper
+from pinfric.drives.catalog import Nut, Screw
 from pinfric.drives.criterion import Criterion, Status
 from pinfric.drives.demand import average_output_effort, mean, share
 from pinfric.drives.drivetrain import (
@@ -40,7 +41,6 @@ from pinfric.drives.limit import (
     never,
     nothing,
     number,
-    read_drive,
 )
 from pinfric.drives.overload import Lag, heat_lag, standstill_time
 from pinfric.drives.policy import (
@@ -50,15 +50,14 @@ from pinfric.drives.policy import (
     STAND_INS,
     stated,
 )
+from pinfric.drives.reading import read_drive
 from pinfric.drives.rules import (
-    COMPUTED_CURVE,
     buckling_load,
     critical_speed,
     dn_speed,
     gear_life,
     momentary_peaks,
     nut_pv,
-    pull_out_torque,
     resonance,
 )
 from pinfric.errors import SizingError, choose_from
@@ -288,43 +287,8 @@ def _of_amplifier(figure: str) -> Callable[[Candidates], str]:
     )
 
 
-def _steps(d: Candidates) -> bool:
-    """Whether one drive has a stepper motor."""
-    return d.one is not None and d.ratings.stepper is not None
-
-
 def _turns_smoothly(d: Candidates) -> bool:
-    return not _steps(d)
-
-
-def _stepper(d: Candidates) -> Stepper:
-    assert d.ratings.stepper is not None  # its rows are for steppers
-    return d.ratings.stepper
-
-
-def _pull_out_source(d: Candidates) -> str:
-    stepper = _stepper(d)
-    if stepper.pull_out is None:
-        return f"by rule: {COMPUTED_CURVE:g} of the curve of resistance, inductance, holding torque"
-    return f"{_MAKER}: curve at {stepper.voltage:g} V" + f", {stepper.driver}" * bool(
-        stepper.driver
-    )
-
-
-def _pull_out_note(d: Candidates) -> str:
-    stepper, speed = _stepper(d), (1.0 if d.at_output else d.ratio) * d.demand.speed
-    bus = d.conditions.bus_voltage
-    top = float(pull_out_torque(stepper, np.array([speed]), bus)[0])
-    lower = stepper.pull_out is not None and (stepper.voltage or bus) > bus
-    scaled = f"; its speeds scaled to {bus:g} V, by rule" * lower
-    return f"{top:.3g} N m at {speed:.4g} rad/s, its fastest; a lost step is not seen" + scaled
-
-
-def _held_heat(d: Candidates) -> float:
-    """Temperature rise, K, of a current that falls at rest."""
-    stepper, cycle = _stepper(d), d.case.cycle
-    share = np.where(cycle.standing, stepper.standstill_current, 1.0) * cycle.powered
-    return stepper.temperature_rise * mean(cycle.stretched, share**2)
+    return d.one is None or d.ratings.special is None
 
 
 _RMS = "sqrt(1/T int T_m^2 dt) <= "
@@ -349,14 +313,7 @@ MOTOR_LIMITS = [
           lambda d: f"{d.conditions.peak_factor:g} max |T_m| <= peak torque{d.output}",
           _PRACTICE + ": 20 to 30 %", _of_motor("peak torque"), _derived("peak torque"),
           stage="pair", reserve="peak_factor", key="peak_torque"),
-    Limit("stepper pull-out torque", lambda d: d.asked.pull_out, lambda _: 1.0, "",
-          lambda d: f"{d.conditions.pull_out_factor:g} max |T_m|/T_pull-out(|omega|) <= 1, at rest "
-          f"of {_stepper(d).standstill_current:g} x holding torque", _pull_out_source,
-          "pull-out curve", _pull_out_note, reserve="pull_out_factor", condition="bus_voltage",
-          stage="pair", applies=lambda d: d.one is None or _steps(d)),
-    Limit("stepper winding", _held_heat, lambda d: _stepper(d).max_winding - d.conditions.ambient,
-          "K", "rise at rated current x mean (I/I_rated)^2 <= highest winding temperature - T_a",
-          "80 K and class B (SongYang SY28STH45 data sheet)", condition="ambient", applies=_steps),
+    *(row for rows in kinds.KINDS.values() for row in rows),
     Limit("peak torque of braking", lambda d: d.asked.braking, "motor.peak_torque", "torque",
           lambda d: f"max |T_m| at the deceleration of a stop <= peak torque{d.output}",
           "inverse dynamics with the rotor, without payload and with", _of_motor("peak torque"),

@@ -17,6 +17,9 @@ from pinfric.errors import CatalogError, choose_from
 from pinfric.model.entry import Entry, NonNegative, Number, Positive, key, optional, parse
 from pinfric.model.schema import OTHERS as OTHERS
 
+#: Ambient temperature to which makers refer resistances and ratings, degrees Celsius.
+REFERENCE_TEMPERATURE = 25.0
+
 #: V DC, up to which a bus is extra-low voltage and takes any winding (IEC 60204-1, PELV).
 EXTRA_LOW_VOLTAGE = 60.0
 #: Above that: a bus beyond this many times the nominal voltage is likelier a slip than a choice.
@@ -46,8 +49,6 @@ UNSURE_BRAKE_FACTOR = 2.0
 #: s, within which a brake alone stops its joint: Universal Robots UR5, user manual CB3 3.4.5, p.
 #: I-53, category 0 at full speed and reach: base 0.24, shoulder 0.53, elbow 0.16 s.
 STOP_TIME = 0.5
-#: Of a hobby servo's stall torque: what it bears for ever (ROBOTIS, Torque Ratings, 2020).
-HOBBY = 0.2
 #: Figures that a provisional drive may lack: no torque.
 EXTRA_INERTIAS = frozenset(("input inertia", "rotor inertia"))
 PROVISIONAL = EXTRA_INERTIAS | {
@@ -338,7 +339,6 @@ _OF_MOTORS = {
 #: entry's keys in order of preference, of which a later one stands in for the first.
 NEEDS: dict[str, dict[str, str]] = {
     "motor": _OF_MOTORS,
-    "stepper": _ROTOR,
     "strain wave": {
         **_OF_GEARS,
         "repeated peak torque": "repeated_peak_torque",
@@ -406,11 +406,21 @@ def lacks(kind: str, *entries: Any) -> tuple[str, ...]:
     """Return the figures of `NEEDS` that an entry lacks, as its maker is asked for them.
 
     Args:
-        kind: of `NEEDS`. entries: with the figures of the list, of a motor `Ratings`, too.
+        kind: of `NEEDS`. entries: as of `lacking`.
+    """
+    return lacking(NEEDS[kind], *entries)
+
+
+def lacking(needs: Mapping[str, str], *entries: Any) -> tuple[str, ...]:
+    """Return which of the figures that are needed an entry lacks.
+
+    Args:
+        needs: as of one kind in `NEEDS`.
+        entries: with the figures of the list, of a motor `Ratings`, too.
     """
     return tuple(
         figure
-        for figure, keys in NEEDS[kind].items()
+        for figure, keys in needs.items()
         if all(getattr(entry, key, None) is None for entry in entries for key in keys.split())
     )
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from pinfric.drives.bearing import BALL
-from pinfric.drives.catalog import Nut, Screw, Stepper
+from pinfric.drives.catalog import Nut, Screw
 from pinfric.drives.demand import DriveCycle
 
 
@@ -74,47 +74,6 @@ def nut_pv(nut: Nut, ratio: float, cycle: DriveCycle) -> float:
     """
     along = np.hypot(1.0, ratio * nut.diameter / 2)
     return float((np.abs(cycle.ends[0] * cycle.velocity)).max() * along / nut.contact_area)
-
-
-#: Part of a computed pull-out curve that counts: printed ones are 0.5 to 0.95 of it (23HS45-4204S,
-#: 36 V: 0.94 at 210, 0.88 to 0.81 at 300 to 990, 0.53 at 1200 rpm; a NEMA 34: 0.51 to 0.58).
-COMPUTED_CURVE = 0.5
-
-
-def pull_out_torque(stepper: Stepper, speed: np.ndarray, voltage: float) -> np.ndarray:
-    """Return the torque (T,) at which a stepper motor falls out of step, N m.
-
-    The maker's curve, its speeds by the ratio of voltages where his driver has more; 0 beyond its
-    end. Without one half of what two sinusoidal phases can give, of amplitude i at the best lead
-    angle,
-
-        max k Re(i):   |i| <= sqrt(2) I,   |k w + (R + j (n/4) w L) i| <= V,   k = T_h/(sqrt(2) I).
-
-    Args:
-        speed: (T,) of the shaft, rad/s. voltage: V of the bus.
-
-    Source: two-phase hybrid motor of n steps as a synchronous machine of n/4 pole pairs; half by
-    rule.
-    """
-    w = np.abs(np.asarray(speed, dtype=float))
-    if stepper.pull_out is not None:
-        at, torque = np.transpose(stepper.pull_out)
-        w = w * max(1.0, (stepper.voltage or voltage) / voltage)
-        return np.interp(w, at, torque, right=0.0)
-    most = 2.0**0.5 * stepper.current
-    k = stepper.holding_torque / most
-    z = (stepper.resistance or 0.0) + 0.25j * stepper.steps * w * (stepper.inductance or 0.0)
-    middle, reach = -k * w / z, voltage / np.abs(z)  # currents that the voltage permits: a disc
-    # the two discs' intersection of largest real part
-    far = np.maximum(np.abs(middle), 1e-9 * most)
-    along = (far**2 + most**2 - reach**2) / (2 * far)
-    across = np.sqrt(np.maximum(most**2 - along**2, 0.0))
-    best = (along * middle.real + across * np.abs(middle.imag)) / far
-    best = np.where(far > most + reach, 0.0, best)  # the back-EMF alone takes more
-    inner = middle + reach
-    best = np.where(np.abs(inner) <= most, inner.real, best)
-    best = np.where(np.abs(most - middle) <= reach, most, best)
-    return COMPUTED_CURVE * k * np.maximum(best, 0.0)
 
 
 def gear_life(

@@ -11,12 +11,16 @@ magnets' temperature; a stalled motor has hot spots.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pinfric.drives.catalog import REFERENCE_TEMPERATURE, Thermal
 from pinfric.drives.duty import Schedule, once
+from pinfric.drives.policy import REFERENCE_TEMPERATURE
 from pinfric.kernels.compiled import kernel
+
+if TYPE_CHECKING:
+    from pinfric.drives.catalog import Thermal
 
 #: Rise of copper's resistance with temperature, 1/K, at the reference temperature.
 COPPER = 0.0039

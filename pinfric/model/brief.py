@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Iterable, Mapping, Sequence
+from math import floor, log10
 from pathlib import Path
 
 #: Letters a line, and lines a fact may take.
@@ -53,3 +54,15 @@ def listed(names: Sequence[str], values: Iterable[str] = (), room: int = 150) ->
 def counted(count: int, noun: str, several: str = "") -> str:
     """Return "1 joint" or "2 joints"; `several` is an irregular plural."""
     return f"{count} {noun if count == 1 else several or f'{noun}s'}"
+
+
+def rounded_up(x: float) -> str:
+    """Return three digits of a number, no less than it."""
+    near = float(f"{x:.3g}")
+    return f"{near if near >= x else near + 10.0 ** (floor(log10(x)) - 2):.3g}"
+
+
+def rounded_down(x: float) -> str:
+    """Return three digits of a number, no more than it."""
+    near = float(f"{x:.3g}")
+    return f"{near if near <= x else near - 10.0 ** (floor(log10(x)) - 2):.3g}"

@@ -19,10 +19,11 @@ from pinfric.drives.catalog import Catalog
 from pinfric.drives.catalog_file import load_catalog
 from pinfric.drives.drivetrain import Candidate
 from pinfric.drives.installed import actuator_of, check_masses, installed_drive
-from pinfric.drives.limit import Limit, idle, read_drive
+from pinfric.drives.limit import Limit, idle
 from pinfric.drives.limits import LIMITS, instant_limits
 from pinfric.drives.parts import check_names, named_drive
 from pinfric.drives.policy import Conditions, GivenConditions, parse_conditions
+from pinfric.drives.reading import read_drive
 from pinfric.drives.robot import equip
 from pinfric.errors import CatalogError, RetimeError, choose_from
 from pinfric.model.drives import Drive
@@ -234,14 +235,11 @@ def candidate_limits(candidate: Candidate, conditions: Conditions) -> DriveLimit
     Each row of the table has its reserve; a gearmotor's figures are brought to its motor's shaft.
 
     Raises:
-        RetimeError: a figure is missing that the motor's torque needs; it is a stepper.
+        RetimeError: a figure is missing that the motor's torque needs; it is not retimed.
     """
     ratings, ratio = candidate.ratings, candidate.ratio
-    if ratings.stepper is not None:
-        raise RetimeError(
-            f"{candidate.name}: a stepper motor, whose pull-out curve `retime` does not follow; "
-            "give the peak_torque and the max_speed that it has at all speeds of the motion"
-        )
+    if ratings.special is not None:
+        raise RetimeError(f"{candidate.name}: {ratings.special.NOT_RETIMED}")
     if candidate.transmission is None:
         raise RetimeError(
             f"{candidate.name}: not known: {', '.join(candidate.missing)}; without "

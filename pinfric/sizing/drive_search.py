@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 
 from pinfric.drives.brake import Stop, braking_torques, smallest_brake
-from pinfric.drives.catalog import Brake, Catalog, Gear, GearMotor, Motor, Stepper
+from pinfric.drives.catalog import Brake, Catalog, Gear, GearMotor, Motor
 from pinfric.drives.criterion import STEPS, Criterion, Status
 from pinfric.drives.demand import largest, mean
 from pinfric.drives.drivetrain import (
@@ -37,6 +37,7 @@ from pinfric.drives.drivetrain import (
     voltage_share,
     with_brake,
 )
+from pinfric.drives.kinds.kind import Kind
 from pinfric.drives.limit import (
     GEAR_FIGURES,
     MOTOR_FIGURES,
@@ -48,7 +49,6 @@ from pinfric.drives.limit import (
     first_known,
     idle,
     number,
-    read_drive,
 )
 from pinfric.drives.limits import LIMITS, criteria
 from pinfric.drives.policy import (
@@ -57,10 +57,11 @@ from pinfric.drives.policy import (
     STAND_INS,
     Conditions,
     kind_of,
+    lacking,
     lacks,
     outside,
 )
-from pinfric.drives.rules import pull_out_torque
+from pinfric.drives.reading import read_drive
 from pinfric.drives.thermal import COPPER
 from pinfric.model.transmission import driven_efficiency
 
@@ -206,8 +207,8 @@ def _worst(judged: Sequence[Assessment]) -> Assessment:
 
 
 def rank(assessment: Assessment) -> tuple[float, bool, float, str]:
-    """Order by mass, printed before computed pull-out curves, then margin, then name."""
-    computed = assessment.candidate.ratings.computed_curve
+    """Order by mass, printed before computed torques, then margin, then name."""
+    computed = assessment.candidate.ratings.by_rule != ""
     return assessment.mass or 0.0, computed, -round(assessment.margin, 9), assessment.name
 
 
@@ -261,9 +262,9 @@ class _Group:
         return np.array([not lacking for lacking in self.motor_lacks])
 
     @cached_property
-    def steppers(self) -> list[tuple[int, Stepper]]:
-        """Column and figures of each stepper."""
-        return [(m, motor.stepper) for m, motor in enumerate(self.motors) if motor.stepper]
+    def special(self) -> list[tuple[int, Kind]]:
+        """Column and figures of each motor with rows of its own."""
+        return [(m, motor.special) for m, motor in enumerate(self.motors) if motor.special]
 
     @cached_property
     def by_name(self) -> np.ndarray:
@@ -436,7 +437,7 @@ def _of_gears(
         ],
         motor_lacks=[
             (
-                *lacks("stepper" if m.stepper else "motor", r, m),
+                *(lacking(m.special.NEEDS, r, m) if m.special else lacks("motor", r, m)),
                 *outside("motor", conditions, r.rated_up_to),
             )
             for m, r in zip(listed, ratings, strict=True)
@@ -706,17 +707,12 @@ class DriveSearch:
         return best, lightest
 
     def _least_pull_out(self, group: _Group, ends: Sequence[tuple[np.ndarray, ...]]) -> np.ndarray:
-        """(n, nm) lower bounds of the shares of pull-out torques; NaN: no stepper."""
-        shares = np.full(ends[0][0].shape, np.nan)
-        bus, slow = self.case.conditions.bus_voltage, self.case.cycle.stick_velocity
+        """(n, nm) lower bounds of the shares of a torque of their own; NaN: they have none."""
+        shares, slow = np.full(ends[0][0].shape, np.nan), 1e3 * self.case.cycle.stick_velocity
         half, speed = (np.stack([np.abs(end[k][:, 0]) for end in ends]) for k in (1, 2))
-        for m, stepper in group.steppers:
-            held = stepper.standstill_current * stepper.holding_torque
-            most = pull_out_torque(stepper, speed, bus)
-            most = np.where(speed <= 1e3 * slow, np.maximum(most, held), most)
-            middle = np.stack([np.abs(end[0][:, m]) for end in ends])
-            share = (middle + half) * (1 - 1e-9) / np.maximum(most, 1e-300)
-            shares[:, m] = np.fmax.reduce(np.minimum(share, 1e9))
+        for m, special in group.special:
+            torque = np.stack([np.abs(end[0][:, m]) for end in ends]) + half
+            shares[:, m] = special.least_share(torque, speed, slow, self.case.conditions)
         return shares
 
     def _bounds(
@@ -837,7 +833,7 @@ class DriveSearch:
                 heaviest = fitting[-1].mass or 0.0
                 if mass > heaviest * (1 + 1e-12):
                     break
-                printed = not fitting[-1].candidate.ratings.computed_curve
+                printed = not fitting[-1].candidate.ratings.by_rule
                 if mass >= heaviest and printed and margin < fitting[-1].margin - 1e-8:
                     continue  # of equal masses the greater margin comes first
             judged = self.judge(b, g, m)

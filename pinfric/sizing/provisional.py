@@ -5,8 +5,7 @@ of the row that lacks a figure is what the figure must be.
 
 - Efficiency: the worst known of the kind stands in.
 - Inertia: the least that its inertia ratio permits; then the largest with which the motor passes.
-- Continuous torque of a hobby servo: a fifth of its stall torque (ROBOTIS, Torque Ratings, 2020).
-  Where nothing else fits the servo may need more: it runs hot.
+- Continuous torque of a hobby servo: `kinds.servo`. Where nothing else fits it may run hot.
 
 A provisional drive is taken only where none can be signed.
 """
@@ -20,10 +19,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pinfric.drives.catalog import Gear, GearMotor
+from pinfric.drives.catalog import Gear
 from pinfric.drives.drivetrain import Candidate, gearmotor_drive, motor_with_gear
+from pinfric.drives.kinds.servo import HEAT, asked_heat, is_servo
 from pinfric.drives.limit import Candidates
-from pinfric.drives.policy import BEARING, EXTRA_INERTIAS, HOBBY, OWN_BEARING, PROVISIONAL
+from pinfric.drives.policy import BEARING, EXTRA_INERTIAS, OWN_BEARING, PROVISIONAL
+from pinfric.model.brief import rounded_down, rounded_up
 
 if TYPE_CHECKING:  # it is above this module
     from pinfric.sizing.drive_search import Assessment, DriveSearch
@@ -32,8 +33,6 @@ if TYPE_CHECKING:  # it is above this module
 _TRIED = 200
 #: Gears whose bounds are computed together.
 _AT_A_TIME = 64
-#: Rows of a motor's heat, all of its continuous torque.
-_HEAT = ("continuous torque", "short-term torque", "overloaded standstill", "standstill")
 #: Doublings, then halvings, that find the largest inertia.
 _DOUBLINGS, _HALVINGS = 20, 12
 
@@ -49,11 +48,6 @@ def provisional(search: DriveSearch) -> Assessment | None:
     return None
 
 
-def _by_stall(entry: Gear | GearMotor) -> bool:
-    """Whether it is a hobby servo, whose continuous torque follows from its stall torque."""
-    return isinstance(entry, GearMotor) and entry.continuous_torque is None
-
-
 def _offers(search: DriveSearch) -> Iterator[tuple[int, float, int, int, int]]:
     """Yield missing figures, mass, group, gear and motor of what no bound rules out."""
     for b, group in enumerate(search.arrays.groups):
@@ -63,7 +57,7 @@ def _offers(search: DriveSearch) -> Iterator[tuple[int, float, int, int, int]]:
             g
             for g in able
             if not EXTRA_INERTIAS & {*search.gear_lacks(group, g)}
-            and not _by_stall(group.entries[g])
+            and not is_servo(group.entries[g])
         ]
         for k in range(0, len(bounded), _AT_A_TIME):
             gears = bounded[k : k + _AT_A_TIME]
@@ -102,7 +96,7 @@ def _judged(search: DriveSearch, b: int, g: int, m: int, hot: bool) -> Assessmen
     `hot`: of a hobby servo only; the rows of its heat may fail.
     """
     group = search.arrays.groups[b]
-    servo = _by_stall(group.entries[g])
+    servo = is_servo(group.entries[g])
     if hot and not servo:
         return None
     lacks = (*search.gear_lacks(group, g), *group.motor_lacks[m], *["continuous torque"] * servo)
@@ -142,7 +136,7 @@ def _judged(search: DriveSearch, b: int, g: int, m: int, hot: bool) -> Assessmen
         return search.assess_each(made(inertia), lacks)
 
     def passes(assessment: Assessment) -> bool:
-        return all(c.name in (_HEAT if hot else ()) for c in assessment.failed)
+        return all(c.name in (HEAT if hot else ()) for c in assessment.failed)
 
     assessment = assess(least * (1 + 1e-9))
     heavy = (assessment.mass or 0.0) > search.parts.most
@@ -158,10 +152,12 @@ def _judged(search: DriveSearch, b: int, g: int, m: int, hot: bool) -> Assessmen
         for _ in range(_HALVINGS):
             middle = 0.5 * (low + high)
             low, high = (middle, high) if passes(assess(middle)) else (low, middle)
-        range_ = f"{_up(least)} to {_down(low)}" if least else f"<= {_down(low)}"
+        range_ = (
+            f"{rounded_up(least)} to {rounded_down(low)}" if least else f"<= {rounded_down(low)}"
+        )
         said.append(f"{next(iter({*lacks} & EXTRA_INERTIAS))} {range_} kg m^2")
     said += _turned(assessment.drives, {*lacks})
-    said += [_hot(assessment)] if servo else []
+    said += [asked_heat(assessment.criteria)] if servo else []
     return replace(assessment, would=tuple(said))
 
 
@@ -171,40 +167,19 @@ def _turned(d: Candidates, lacks: set[str]) -> list[str]:
     if "stiffness" in lacks and d.case.load_inertia:
         c = d.conditions
         hertz = c.resonance_hand if d.case.hand else c.resonance_base
-        said.append(f"stiffness >= {_up((2 * pi * hertz) ** 2 * d.load)} N m/rad")
+        said.append(f"stiffness >= {rounded_up((2 * pi * hertz) ** 2 * d.load)} N m/rad")
     if BEARING in lacks and d.demand.bearing is not None:
         load, belt = d.demand.bearing, d.candidate.gear is not None and d.entry.kind == "belt"
         said.append(
-            f"tilting moment >= {_up(load.moment)} N m, radial force >= {_up(load.radial)} N, "
-            f"axial force >= {_up(load.axial)} N{' of' if belt else ', or'} a bearing of the "
-            f"joint's own ({OWN_BEARING})"
+            f"tilting moment >= {rounded_up(load.moment)} N m, "
+            f"radial force >= {rounded_up(load.radial)} N, "
+            f"axial force >= {rounded_up(load.axial)} N{' of' if belt else ', or'} "
+            f"a bearing of the joint's own ({OWN_BEARING})"
         )
     speed = d.demand.speed * (1.0 if d.at_output else d.ratio)
     for figure in ("maximum input speed", "largest speed"):
         if figure in lacks:
-            said.append(f"{figure} >= {_up(speed)} {rate}")
+            said.append(f"{figure} >= {rounded_up(speed)} {rate}")
     if "stroke" in lacks:
-        said.append(f"stroke >= {_up(d.demand.travel or 0.0)} m")
+        said.append(f"stroke >= {rounded_up(d.demand.travel or 0.0)} m")
     return said
-
-
-def _up(x: float) -> str:
-    """Three digits, rounded up."""
-    near = float(f"{x:.3g}")
-    return f"{near if near >= x else near + 10.0 ** (np.floor(np.log10(x)) - 2):.3g}"
-
-
-def _down(x: float) -> str:
-    """Three digits, rounded down."""
-    near = float(f"{x:.3g}")
-    return f"{near if near <= x else near - 10.0 ** (np.floor(np.log10(x)) - 2):.3g}"
-
-
-def _hot(assessment: Assessment) -> str:
-    heat = next(c for c in assessment.criteria if c.name == "continuous torque")
-    need, has = heat.required or 0.0, heat.available or 0.0
-    hot = ", so it runs hot: needs pauses" * any(c.name in _HEAT for c in assessment.failed)
-    return (
-        f"continuous torque >= {_up(need)} {heat.unit} (taken: {HOBBY:g} of its stall torque, "
-        f"{has:.3g} {heat.unit}{hot})"
-    )

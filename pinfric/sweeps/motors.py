@@ -12,10 +12,11 @@ from pinfric.drives.catalog_file import load_catalog
 from pinfric.drives.criterion import Status, least_margin
 from pinfric.drives.drivetrain import Candidate
 from pinfric.drives.installed import actuator_of, installed_drive
-from pinfric.drives.limit import idle, number, read_drive
+from pinfric.drives.limit import idle, number
 from pinfric.drives.limits import check
 from pinfric.drives.parts import check_names, criteria_over, named_drive
 from pinfric.drives.policy import BASE_AXES, Conditions, parse_conditions
+from pinfric.drives.reading import read_drive
 from pinfric.drives.robot import depth, equip
 from pinfric.dynamics.inverse.result import InverseResult
 from pinfric.errors import CatalogError, SizingError, SweepError, choose_from, problems_line

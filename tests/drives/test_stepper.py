@@ -21,9 +21,8 @@ from sizing_cases import (
 from tables import table
 
 import pinfric as pf
-from pinfric.drives.catalog import Stepper
 from pinfric.drives.criterion import Status
-from pinfric.drives.rules import pull_out_torque
+from pinfric.drives.kinds.stepper import Stepper, pull_out_torque
 from pinfric.errors import CatalogError, RetimeError
 from pinfric.retiming.limits import read_limits
 from pinfric.show.pages.sizing import sizing_page

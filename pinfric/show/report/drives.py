@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 
 from pinfric.drives.criterion import Status
@@ -244,23 +245,25 @@ def bus_lines(report: SizingReport) -> list[str]:
     """Return how braking energy is absorbed, and which drives are left out."""
     bus = report.bus
     lines = [f"braking: {bus.remedy}"]
-    steppers = {
-        joint.name: stepper
+    special = {
+        joint.name: own
         for joint in report.joints
-        if joint.installed and (stepper := joint.installed.candidate.ratings.stepper)
+        if joint.installed and (own := joint.installed.candidate.ratings.special)
     }
-    if missing := [name for name in bus.mechanical if name not in steppers]:
+    if missing := [name for name in bus.mechanical if name not in special]:
         lines.append(
             f"copper loss of {counted(len(missing), 'drive')} is missing: no torque constant or "
             "resistance"
         )
-    if steppers:
-        heat = [x.resistance and 2 * x.resistance * x.current**2 for x in steppers.values()]
+    if special:
+        kinds = Counter(own.NAME for own in special.values())
+        whose = ", ".join(counted(n, name) for name, n in kinds.items())
+        heat = [own.driver_heat for own in special.values()]
         known, unknown = sum(filter(None, heat)), counted(heat.count(None), "has", "have")
         more = [f"at most {digits(known)} W more, 2 R I^2"] * (known > 0)
         more += [f"{unknown} no resistance"] * (None in heat)
         lines.append(
-            f"the heat of {counted(len(steppers), 'stepper')} is not in the bus power, as its "
+            f"the heat of {whose} is not in the bus power, as its "
             f"driver keeps up the current whatever the torque: {'; '.join(more)}"
         )
     if bus.left_out and bus.known:
