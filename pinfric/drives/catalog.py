@@ -19,6 +19,7 @@ from pinfric.drives.bearing import BearingRatings
 from pinfric.drives.kinds.kind import Kind
 from pinfric.drives.kinds.stepper import Stepper
 from pinfric.drives.policy import REFERENCE_TEMPERATURE, Conditions
+from pinfric.drives.thermal import Thermal
 from pinfric.model.brakes import BRAKE_PEAK, HoldingBrake
 from pinfric.model.entry import (
     Entry,
@@ -77,18 +78,6 @@ class Sourced(Entry):
             if getattr(self, name, None) is None:
                 raise ValueError(f"stand_ins: {name!r} is not a figure of this entry")
         return self
-
-
-class Thermal(Entry):
-    """Two-node model of a motor: winding and housing."""
-
-    winding_housing: Positive = key("thermal resistance between winding and housing", 1.2, "K/W")
-    housing_ambient: Positive = key("between housing and surroundings", 3.0, "K/W")
-    winding_time: Positive | None = optional("time constant of the winding", 30.0, "s")
-    housing_time: Positive | None = optional("of the motor", 900.0, "s")
-    max_winding: Number | None = optional(
-        "highest permissible temperature of the winding", 155.0, "deg C"
-    )
 
 
 class RatedEntry(Sourced):

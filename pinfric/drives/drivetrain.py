@@ -32,7 +32,6 @@ from pinfric.drives.catalog import (
     GearMotor,
     Motor,
     Sourced,
-    Thermal,
 )
 from pinfric.drives.demand import DriveCycle, largest, mean, power_figures
 from pinfric.drives.kinds.kind import Kind
@@ -48,6 +47,7 @@ from pinfric.drives.policy import (
 )
 from pinfric.drives.thermal import (
     COPPER,
+    Thermal,
     WindingCycle,
     mean_winding_temperature,
     no_load_heat,

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -18,17 +18,18 @@ from pinfric.drives.bearing import BearingRatings
 from pinfric.drives.criterion import Criterion, Status, compare
 from pinfric.drives.demand import DriveCycle, GearDemand, largest
 from pinfric.drives.policy import STAND_IN_WORDS, STAND_INS, Conditions, stated
+from pinfric.drives.rest import RestDemand
 from pinfric.dynamics.inverse.result import InverseResult
 from pinfric.model.springs import softest
 from pinfric.motions.summary import ends_by_magnitude, rests
 
-if TYPE_CHECKING:
-    from pinfric.drives.brake import RestDemand
-    from pinfric.drives.catalog import Gear
-    from pinfric.drives.drivetrain import Candidate, Ratings
-
 #: A number, or an array over gears and motors; NaN: not known.
 Value = Any
+#: A `drivetrain.Candidate`, its `Ratings` and the entry of its gear: above this module, since a
+#: catalogue's entries come with rows of their own (`kinds`).
+Drive = Any
+DriveRatings = Any
+GearEntry = Any
 
 #: Figures of gears and of motors (`Ratings`) that rows read.
 GEAR_FIGURES = (
@@ -136,7 +137,7 @@ class Candidates:
     linear: bool
     case: JointCase
     asked: Figures = field(default_factory=Figures)
-    one: Candidate | None = None
+    one: Drive | None = None
     share: float = 1.0
 
     def of_gears(self, rows: np.ndarray) -> Candidates:
@@ -164,13 +165,13 @@ class Candidates:
         return self.share * self.case.conditions.bus_voltage
 
     @property
-    def candidate(self) -> Candidate:
+    def candidate(self) -> Drive:
         """The drive; rows that read it are not asked of arrays."""
         assert self.one is not None
         return self.one
 
     @property
-    def entry(self) -> Gear:
+    def entry(self) -> GearEntry:
         """The gear's entry, for rows of drives that have a gear."""
         assert self.candidate.gear is not None
         return self.candidate.gear
@@ -188,7 +189,7 @@ class Candidates:
         return self.candidate.guide
 
     @property
-    def ratings(self) -> Ratings:
+    def ratings(self) -> DriveRatings:
         """Of the rated shaft."""
         return self.candidate.ratings
 

@@ -14,17 +14,14 @@ At a standstill one phase takes all the heat: there the time above the continuou
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from pinfric.drives.duty import Schedule, once
 from pinfric.drives.policy import Conditions
-from pinfric.drives.thermal import settled
+from pinfric.drives.thermal import Thermal, settled
 from pinfric.kernels.compiled import kernel
-
-if TYPE_CHECKING:
-    from pinfric.drives.catalog import Thermal
 
 
 class Lag(NamedTuple):

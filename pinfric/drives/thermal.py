@@ -11,19 +11,28 @@ magnets' temperature; a stalled motor has hot spots.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pinfric.drives.duty import Schedule, once
 from pinfric.drives.policy import REFERENCE_TEMPERATURE
 from pinfric.kernels.compiled import kernel
-
-if TYPE_CHECKING:
-    from pinfric.drives.catalog import Thermal
+from pinfric.model.entry import Entry, Number, Positive, key, optional
 
 #: Rise of copper's resistance with temperature, 1/K, at the reference temperature.
 COPPER = 0.0039
+
+
+class Thermal(Entry):
+    """Two-node model of a motor: winding and housing."""
+
+    winding_housing: Positive = key("thermal resistance between winding and housing", 1.2, "K/W")
+    housing_ambient: Positive = key("between housing and surroundings", 3.0, "K/W")
+    winding_time: Positive | None = optional("time constant of the winding", 30.0, "s")
+    housing_time: Positive | None = optional("of the motor", 900.0, "s")
+    max_winding: Number | None = optional(
+        "highest permissible temperature of the winding", 155.0, "deg C"
+    )
 
 
 @dataclass(frozen=True)

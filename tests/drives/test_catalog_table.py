@@ -12,10 +12,11 @@ from cli_cases import told
 from sizing_cases import GEAR, MOTOR, sized_cycle, turntable, write_catalog
 
 from pinfric.drives.bearing import BearingRatings, Factors
-from pinfric.drives.catalog import BearingEntry, Brake, Gear, GearMotor, Motor, Screw, Thermal
+from pinfric.drives.catalog import BearingEntry, Brake, Gear, GearMotor, Motor, Screw
 from pinfric.drives.catalog_file import load_catalog
 from pinfric.drives.table import import_table
 from pinfric.drives.table import write_catalog as write_content
+from pinfric.drives.thermal import Thermal
 from pinfric.drives.units import cells_of, in_si, unit_of
 from pinfric.errors import CatalogError, PinfricWarning
 from pinfric.model.entry import Entry

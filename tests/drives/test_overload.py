@@ -7,11 +7,11 @@ from hypothesis import strategies as st
 from sizing_cases import MOTOR, hour_with_a_stall, one_drive
 
 import pinfric as pf
-from pinfric.drives.catalog import Thermal
 from pinfric.drives.criterion import Status
 from pinfric.drives.duty import Schedule
 from pinfric.drives.overload import Lag, heat_lag, longest_above, settled_heat
 from pinfric.drives.policy import Conditions
+from pinfric.drives.thermal import Thermal
 
 EVER = np.ones(100, dtype=bool)
 

@@ -6,10 +6,9 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 from sizing_cases import MOTOR
 
-from pinfric.drives.catalog import Thermal
 from pinfric.drives.catalog_file import load_catalog
 from pinfric.drives.drivetrain import Ratings
-from pinfric.drives.thermal import mean_winding_temperature, no_load_heat, winding_cycle
+from pinfric.drives.thermal import Thermal, mean_winding_temperature, no_load_heat, winding_cycle
 
 THERMAL = Thermal(**MOTOR["thermal"])
 R_WH, R_HA, TAU_W, TAU_H = 2.0, 3.0, 20.0, 300.0

@@ -3,13 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 from pinfric.drives.criterion import Criterion
 from pinfric.model.brief import rounded_up
-
-if TYPE_CHECKING:
-    from pinfric.drives.catalog import Gear, GearMotor
 
 #: Of its stall torque: what it bears for ever (ROBOTIS, Torque Ratings, 2020).
 HOBBY = 0.2
@@ -17,8 +13,8 @@ HOBBY = 0.2
 HEAT = ("continuous torque", "short-term torque", "overloaded standstill", "standstill")
 
 
-def is_servo(entry: Gear | GearMotor) -> bool:
-    """Return whether an entry is one: its continuous torque follows from its stall torque."""
+def is_servo(entry: object) -> bool:
+    """Return whether a gear or gearmotor is one: its continuous torque is of its stall torque."""
     return getattr(entry, "continuous_torque", 0.0) is None  # gears have none
 
 

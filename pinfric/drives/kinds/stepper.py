@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 from itertools import pairwise
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 import numpy as np
 from pydantic import model_validator
 
 from pinfric.drives.demand import mean
 from pinfric.drives.kinds.kind import Kind
-from pinfric.drives.limit import Limit
+from pinfric.drives.limit import Candidates, Limit
 from pinfric.drives.policy import EXTRA_LOW_VOLTAGE, Conditions
 from pinfric.model.entry import NonNegative, Number, Positive, key, optional
-
-if TYPE_CHECKING:
-    from pinfric.drives.limit import Candidates
 
 #: Part of a computed pull-out curve that counts: printed ones are 0.5 to 0.95 of it (23HS45-4204S,
 #: 36 V: 0.94 at 210, 0.88 to 0.81 at 300 to 990, 0.53 at 1200 rpm; a NEMA 34: 0.51 to 0.58).
