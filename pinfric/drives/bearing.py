@@ -172,8 +172,8 @@ class GuideLoad:
     roll: float = quantity("largest moment about the travel", "N m", "roll")
 
 
-def guide_safety(ratings: BearingRatings, load: GuideLoad) -> float | None:
-    """Return the static safety of a guide, f_s; None where a rating of a load is missing.
+def guide_safety(ratings: BearingRatings, load: GuideLoad) -> float:
+    """Return the static safety of a guide, f_s; NaN where a rating of a load is missing.
 
     1/f_s = sqrt(2) F/C_0 + M/M_0 + M_a/M_a0 of a guide that bears alike upwards, downwards and
     sideways; sqrt(2): across the travel it may lie any way round. Four carriages of C_0 each, l
@@ -186,12 +186,11 @@ def guide_safety(ratings: BearingRatings, load: GuideLoad) -> float | None:
         (load.pitch, ratings.static_moment),
         (load.roll, ratings.static_roll),
     )
-    top = max(x for x, _ in parts)
-    there = [(x, rating) for x, rating in parts if x > 1e-9 * top]  # the rest is rounding
-    if any(rating is None for _, rating in there):
-        return None
-    used = sum(x / rating for x, rating in there if rating)
-    return 1 / used if used > 0 else np.inf
+    loads = np.array([x for x, _ in parts])
+    there = loads > 1e-9 * loads.max(axis=0)  # the rest is rounding
+    rated = np.array([np.nan if rating is None else rating for _, rating in parts])
+    with np.errstate(divide="ignore"):
+        return 1 / np.where(there.T, loads.T / rated, 0.0).sum(axis=-1)
 
 
 def bearing_load(
@@ -281,7 +280,11 @@ def equivalent_load(ratings: BearingRatings, load: BearingLoad) -> float | None:
     across = ratings.radial_load(radial, moment + ratings.offset * radial)
     if across is None or ratings.rule is None:
         return None
-    x, y = ratings.rule.below if axial <= ratings.rule.limit * across else ratings.rule.above
+    rule = ratings.rule
+    x, y = (
+        np.where(axial <= rule.limit * across, *ends)
+        for ends in zip(rule.below, rule.above, strict=True)
+    )
     return x * across + y * axial
 
 
@@ -308,7 +311,7 @@ def bearing_life(dynamic_rating: float, load: float, speed: float, exponent: flo
 
     Source: ISO 281.
     """
-    if not (speed > 0 and load > 0):
-        return np.inf
-    with np.errstate(over="ignore"):
-        return float(np.float64(dynamic_rating / load) ** exponent * 1e6 * 2 * np.pi / speed / 3600)
+    with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
+        turns = np.divide(dynamic_rating, load) ** exponent * 1e6
+        lasts = (np.asarray(speed) > 0) & (np.asarray(load) > 0)
+        return np.where(lasts, turns * 2 * np.pi / np.asarray(speed) / 3600, np.inf)[()]

@@ -267,9 +267,7 @@ def gear_demand(
         mean_speed=mean(t, speed),
         mean_cubic=average_output_effort(t, worst, speed),
         bearing=bearing,
-        travel=None
-        if joint is None or unit != "N"
-        else float(np.ptp(one_number(result.scene.model.joints[joint], result.states.q))),
+        travel=travel(result.scene, actuator, result.states.q),
         guide=guide,
     )
 
@@ -324,6 +322,14 @@ def driven_joint(scene: Scene, actuator: int) -> int | None:
     return next((i for i, joint in joints if joint.nv == 1 and joint.idx_v == moved), None)
 
 
+def travel(scene: Scene, actuator: int, q: np.ndarray) -> float | None:
+    """Return max q - min q of a drive's sliding joint over a path (T, nq), m; None: it turns."""
+    joint = driven_joint(scene, actuator)
+    if joint is None or effort_unit(scene, actuator) != "N":
+        return None
+    return float(np.ptp(one_number(scene.model.joints[joint], q)))
+
+
 def average_output_effort(
     t: np.ndarray, effort: np.ndarray, velocity: np.ndarray, exponent: float = 3.0
 ) -> float:
@@ -334,14 +340,27 @@ def average_output_effort(
 
     Source: Harmonic Drive engineering data 1021387 12/2018, p. 30.
     """
-    weight = integral(t, np.abs(velocity))
-    if not weight > 0:
+    return float(average_effort(t, effort, np.ascontiguousarray(velocity), exponent))
+
+
+@kernel
+def average_effort(
+    t: np.ndarray, effort: np.ndarray, velocity: np.ndarray, exponent: float
+) -> float:
+    """See `average_output_effort`."""
+    wear, weight, wear_before, before = 0.0, 0.0, 0.0, 0.0
+    for k in range(t.size):
+        speed, worst = abs(velocity[k]), abs(effort[k])
+        worn = worst * worst * worst if exponent == 3.0 else worst**exponent
+        worn *= speed
+        if k > 0:
+            step = t[k] - t[k - 1]
+            wear += step * (worn + wear_before)
+            weight += step * (speed + before)
+        wear_before, before = worn, speed
+    if not weight > 0.0:
         return 0.0
-    if exponent != 3.0:
-        wear = np.abs(velocity) * np.abs(effort) ** exponent
-        return float((integral(t, wear) / weight) ** (1 / exponent))
-    wear = np.abs(velocity * effort * effort * effort)  # a power takes ten times as long
-    return float(np.cbrt(integral(t, wear) / weight))
+    return np.cbrt(wear / weight) if exponent == 3.0 else (wear / weight) ** (1.0 / exponent)
 
 
 def mean(t: np.ndarray, x: np.ndarray) -> float:

@@ -1,8 +1,9 @@
 """One limit of drives: what a cycle needs, what the maker gives, and where both come from.
 
-A row holds for numbers and for arrays: of one drive it is a criterion of the report; over gears
-(rows) and motors (columns) of a catalogue, where needs are lower bounds, it leaves out what cannot
-fit; rows whose need is one of `SIGNALS` bound every instant of a retimed motion.
+A row holds for numbers and for arrays: of one drive it is a criterion of the report, or one over
+each cycle of a sweep; over gears (rows) and motors (columns) of a catalogue, where needs are lower
+bounds, it leaves out what cannot fit; rows whose need is one of `SIGNALS` bound every instant of a
+retimed motion.
 """
 
 from __future__ import annotations
@@ -80,9 +81,9 @@ def idle(conditions: Conditions, hand: bool = False) -> JointCase:
     return JointCase(demand, cycle, None, hand, conditions)
 
 
-def number(value: float | None) -> float:
-    """Return a figure, NaN where it is not known."""
-    return np.nan if value is None else float(value)
+def number(value: Any) -> Any:
+    """Return a figure, NaN where it is not known; or the figures of several."""
+    return np.nan if value is None else value if isinstance(value, np.ndarray) else float(value)
 
 
 class Figures(SimpleNamespace):
@@ -333,9 +334,8 @@ class Limit:
         with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
             have, need = np.asarray(self.available(d)), np.asarray(self.required(d))
             margin = np.where(have > 0, 1 - need / have, np.where(need > 0, -np.inf, 0.0))
-            margin = np.where(
-                np.isnan(have) | np.isnan(need) | ~np.asarray(applies), np.nan, margin
-            )
+            known = ~np.isnan(need) & (~np.isnan(have) | (need == np.inf)) & applies
+            margin = np.where(known, np.where(np.isnan(have), -np.inf, margin), np.nan)
         return np.maximum(margin, -1e9)
 
     def _stand_in(self, d: Candidates) -> str:

@@ -217,9 +217,11 @@ def _winding_rise(d: Candidates) -> float:
     room, ambient, mean = _winding_room(d), d.conditions.ambient, d.asked.mean_temperature
     if room <= 0:
         return np.inf
-    if not np.isnan(d.asked.peak_temperature):
-        return np.inf if np.isinf(mean) else d.asked.peak_temperature - ambient
-    return mean - ambient if np.isinf(mean) or mean - ambient > room else np.nan
+    peak, runs_away = d.asked.peak_temperature, np.isinf(mean)
+    too_hot_in_the_mean = runs_away | (mean - ambient > room)
+    over_time = np.where(runs_away, np.inf, peak - ambient)
+    at_mean = np.where(too_hot_in_the_mean, mean - ambient, np.nan)
+    return np.where(np.isnan(peak), at_mean, over_time)[()]
 
 
 def _winding_formula(d: Candidates) -> str:
@@ -264,9 +266,8 @@ def _amperes(current: str) -> Callable[[Candidates], str]:
 
 def _overdrive_time(d: Candidates) -> float:
     amplifier = d.candidate.amplifier
-    if d.asked.overdriven == 0:
-        return np.inf
-    return np.nan if amplifier is None else number(amplifier.peak_time)
+    most = np.nan if amplifier is None else number(amplifier.peak_time)
+    return np.where(d.asked.overdriven == 0, np.inf, most)[()]
 
 
 def _bus_of_amplifier(figure: str) -> Figure:
@@ -448,8 +449,8 @@ def _gear_life(d: Candidates) -> float:
     mean_speed, mean_effort = d.ratio * d.demand.mean_speed, d.demand.mean_cubic
     if d.entry.kind == "planetary":  # no law: printed for what is within the ratings
         most = first_known(d.gear, STAND_INS["average_input_speed"])
-        within = d.demand.peak <= torque and mean_speed <= most
-        return _PLANETARY_LIFE if within else np.nan
+        within = (d.demand.peak <= torque) & (mean_speed <= most)
+        return np.where(within, _PLANETARY_LIFE, np.nan)[()]
     if d.entry.kind != "cycloidal":
         known = not np.isnan(life * speed * torque)
         return gear_life(life, speed, torque, mean_speed, mean_effort) if known else np.nan
@@ -657,7 +658,8 @@ def _static_safety(bearing: BearingRatings, load: BearingLoad) -> float | None:
     carried, rating = static_load(bearing, load), bearing.static_rating
     if carried is None or rating is None:
         return None
-    return rating / carried if carried > 0 else np.inf
+    with np.errstate(divide="ignore"):
+        return np.divide(rating, carried)
 
 
 def _safety_formula(d: Candidates) -> str:

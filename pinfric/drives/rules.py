@@ -17,7 +17,8 @@ def momentary_peaks(speed: float, duration: float) -> float:
 
     Source: Harmonic Drive CSF/CSG catalogue, rating of the momentary peak torque.
     """
-    return 1e4 / (2 * speed / (2 * np.pi) * duration) if speed > 0 else np.inf
+    with np.errstate(divide="ignore"):
+        return np.divide(1e4, 2 * speed / (2 * np.pi) * duration)
 
 
 #: Supports of a screw -> lambda of its first bending mode, n of Euler's buckling load.
@@ -99,10 +100,9 @@ def gear_life(
     Source: Harmonic Drive engineering data 1021387 12/2018, p. 32, equations 32.2, 32.3. Rollers:
     ISO 281's exponent, by rule.
     """
-    if not (average_input_speed > 0 and average_torque > 0):
-        return np.inf
-    turns = nominal_life * rated_speed / average_input_speed
-    life = turns * float((rated_torque / average_torque) ** exponent)
+    with np.errstate(divide="ignore"):
+        turns = nominal_life * np.divide(rated_speed, average_input_speed)
+        life = turns * np.divide(rated_torque, average_torque) ** exponent
     return life / 5 if exponent == BALL else life
 
 

@@ -87,24 +87,52 @@ def winding_cycle(
         raise ValueError("a temperature over time needs both time constants")
     if len(t) < 2:
         raise ValueError("a cycle needs two samples")
-    capacity = np.array(
+    nodes = np.array(
         [
-            thermal.winding_time / thermal.winding_housing,
-            thermal.housing_time / thermal.housing_ambient,
+            thermal.winding_housing,
+            thermal.housing_ambient,
+            thermal.winding_time,
+            thermal.housing_time,
         ]
     )
-    conductance = np.array([1 / thermal.winding_housing, 1 / thermal.housing_ambient])
-    heat = resistance * mean_square(np.abs(current))
-    warm = 1 + COPPER * (ambient - REFERENCE_TEMPERATURE)
-    at_housing = np.zeros(len(t)) if no_load is None else no_load
-    between = 0.5 * (at_housing[:-1] + at_housing[1:])
-    maps = _maps(np.diff(t), heat, between, warm, COPPER, capacity, conductance)
     schedule = duty or once(len(t))
-    starts, nothing = np.array(schedule.starts), np.zeros(2)
-    rise, runaway, _ = settled(maps, starts, schedule.counts, nothing)
-    if runaway:
-        rise = np.full((len(t), 2), np.inf)
+    turning = np.zeros(len(t)) if no_load is None else no_load
+    rise, runaway = winding_rises(
+        t, current, turning, resistance, nodes, ambient, np.array(schedule.starts), schedule.counts
+    )
     return WindingCycle(ambient + rise[:, 0], ambient + rise[:, 1], bool(runaway))
+
+
+@kernel
+def winding_rises(
+    t: np.ndarray,
+    current: np.ndarray,
+    no_load: np.ndarray,
+    resistance: float,
+    nodes: np.ndarray,
+    ambient: float,
+    starts: np.ndarray,
+    counts: np.ndarray,
+) -> tuple[np.ndarray, bool]:
+    """Return the rises above ambient (T, 2) of `winding_cycle`, and whether they run away.
+
+    Args:
+        nodes: (4,) thermal resistances, then time constants, of the winding and of the housing.
+        starts, counts: (K + 1,), (K,) of the cycles: first samples, and how often each is run.
+    """
+    capacity, conductance = nodes[2:] / nodes[:2], 1.0 / nodes[:2]
+    heat, between, step = np.empty((3, t.size - 1))
+    for k in range(t.size - 1):
+        a, b = abs(current[k]), abs(current[k + 1])
+        heat[k] = resistance * ((a * a + a * b + b * b) / 3)  # mean of i^2, |i| linear
+        between[k] = 0.5 * (no_load[k] + no_load[k + 1])
+        step[k] = t[k + 1] - t[k]
+    warm = 1.0 + COPPER * (ambient - REFERENCE_TEMPERATURE)
+    maps = _maps(step, heat, between, warm, COPPER, capacity, conductance)
+    rise, runaway = settled(maps, starts, counts)
+    if runaway:
+        rise[:] = np.inf
+    return rise, runaway
 
 
 def mean_winding_temperature(
@@ -122,13 +150,25 @@ def mean_winding_temperature(
 
     Args: as `winding_cycle`; no_load: the mean of P_0, W.
     """
-    resistance_to_ambient = thermal.winding_housing + thermal.housing_ambient
-    heat = resistance * _mean_square_over(t, np.abs(current))
-    gain = resistance_to_ambient * heat
-    if COPPER * gain >= 1:
+    nodes = np.array([thermal.winding_housing, thermal.housing_ambient])
+    return float(mean_temperature(t, current, resistance, nodes, ambient, no_load))
+
+
+@kernel
+def mean_temperature(
+    t: np.ndarray,
+    current: np.ndarray,
+    resistance: float,
+    nodes: np.ndarray,
+    ambient: float,
+    no_load: float,
+) -> float:
+    """See `mean_winding_temperature`; `nodes`: as of `winding_rises`."""
+    gain = (nodes[0] + nodes[1]) * (resistance * _mean_square_over(t, np.abs(current)))
+    if COPPER * gain >= 1.0:
         return np.inf
-    warm = 1 + COPPER * (ambient - REFERENCE_TEMPERATURE)
-    return ambient + (gain * warm + thermal.housing_ambient * no_load) / (1 - COPPER * gain)
+    warm = 1.0 + COPPER * (ambient - REFERENCE_TEMPERATURE)
+    return ambient + (gain * warm + nodes[1] * no_load) / (1.0 - COPPER * gain)
 
 
 def no_load_heat(
@@ -150,12 +190,6 @@ def no_load_heat(
     by_copper = (thermal.winding_housing + thermal.housing_ambient) * hot * current**2
     by_turning = thermal.max_winding - ambient - by_copper
     return max(by_turning, 0.0) / thermal.housing_ambient / speed
-
-
-def mean_square(x: np.ndarray) -> np.ndarray:
-    """Return (T-1,) the mean of x^2 between samples, x linear there: (a^2 + a b + b^2)/3."""
-    a, b = x[:-1], x[1:]
-    return (a * a + a * b + b * b) / 3
 
 
 @kernel
@@ -209,18 +243,15 @@ def _maps(
 
 
 @kernel
-def settled(
-    maps: np.ndarray, starts: np.ndarray, counts: np.ndarray, parts: np.ndarray
-) -> tuple[np.ndarray, bool, float]:
-    """Return what two nodes reach in a period that repeats: rises, runaway, sum.
+def settled(maps: np.ndarray, starts: np.ndarray, counts: np.ndarray) -> tuple[np.ndarray, bool]:
+    """Return what two nodes reach in a period that repeats: rises, runaway.
 
-    The largest rise of each at each sample, (T, 2); whether they run away (no fixed point: the
-    others are 0); and the greatest sum of their parts.
+    The largest rise of each at each sample, (T, 2); and whether they run away (no fixed point: the
+    others are 0).
 
     Args:
         maps: (T - 1, 6) what each interval does to the rises, x -> Phi x + g: Phi by rows, then g.
         starts, counts: (K + 1,), (K,) of the cycles: first samples, and how often each is run.
-        parts: (2,) of each rise in the sum.
     """
     p00, p01, p10, p11, g0, g1 = 1.0, 0.0, 0.0, 1.0, 0.0, 0.0
     for part in range(counts.size):
@@ -233,9 +264,9 @@ def settled(
     # all entries of Phi are positive: its spectral radius is below 1 exactly if I - Phi has
     # positive leading minors (an M-matrix)
     determinant = (1 - p00) * (1 - p11) - p01 * p10
-    rise, most = np.zeros((starts[-1], 2)), 0.0
+    rise = np.zeros((starts[-1], 2))
     if not (p00 < 1.0 and determinant > 0.0):
-        return rise, True, most
+        return rise, True
     x0 = ((1 - p11) * g0 + p01 * g1) / determinant
     x1 = (p10 * g0 + (1 - p00) * g1) / determinant
     for part in range(counts.size):
@@ -245,5 +276,4 @@ def settled(
                     m00, m01, m10, m11, c0, c1 = maps[k - 1]
                     x0, x1 = m00 * x0 + m01 * x1 + c0, m10 * x0 + m11 * x1 + c1
                 rise[k, 0], rise[k, 1] = max(rise[k, 0], x0), max(rise[k, 1], x1)
-                most = max(most, parts[0] * x0 + parts[1] * x1)
-    return rise, False, most
+    return rise, False

@@ -6,14 +6,14 @@ lost worker changes a result.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
 from functools import cached_property
-from itertools import repeat
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from pinfric.drives.demand import travel
 from pinfric.drives.inertia import load_inertias
 from pinfric.drives.limit import signals
 from pinfric.drives.robot import holds
@@ -26,7 +26,7 @@ from pinfric.motions.summary import column_rms
 from pinfric.motions.trajectory import Trajectory
 from pinfric.sweeps.motors import NOT_CHECKED, Trial
 from pinfric.sweeps.parameters import ELASTIC, Target, apply
-from pinfric.sweeps.superposition import Stored, Superposition
+from pinfric.sweeps.superposition import Summed, Superposition
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -60,7 +60,7 @@ class Study:
     def superposition(self) -> Superposition | None:
         """The stored cycles of which samples are sums; None where they are not."""
         try:
-            return Superposition.of(self.scene, self.trajectory, self.targets)
+            return Superposition.of(self.scene, self.trajectory, self.targets, self.trials)
         except PinfricError:  # each sample says what is wrong
             return None
 
@@ -94,14 +94,12 @@ class SampleFigures(NamedTuple):
         verdicts: (number of `Study.criteria`,) FAILS, MET or NOT_CHECKED.
         unsolved: number of instants without a solution.
         elastic: as `Study.elastic`.
-        problem: why it could not be computed; empty if it could.
     """
 
     figures: np.ndarray
     verdicts: Sequence[int]
     unsolved: int = 0
     elastic: Sequence[float] = ()
-    problem: str = ""
 
 
 def compute(study: Study, rows: np.ndarray, values: np.ndarray) -> pd.DataFrame:
@@ -116,39 +114,48 @@ def compute(study: Study, rows: np.ndarray, values: np.ndarray) -> pd.DataFrame:
     """
     import pandas as pd
 
-    sums, judged = study.superposition, bool(study.trials)
-    stored: Iterable[Stored | None] = repeat(None) if sums is None else sums.cycles(values, judged)
-    cycles = [_cycle(study, *sample) for sample in zip(values, stored, strict=False)]
-    table = np.array([cycle.figures for cycle in cycles]).reshape(len(rows), -1)
+    n, sums = len(rows), study.superposition
+    figures = np.full((n, len(study.scene.drives), len(FIGURES)), np.nan)
+    codes = np.full((n, len(study.criteria)), NOT_CHECKED)
+    elastic = np.full((n, len(study.elastic)), np.nan)
+    unsolved, problems, others = np.zeros(n, dtype=int), [""] * n, np.arange(n)
+    if sums is not None:
+        summed = sums.cycles(values)
+        some, others = np.flatnonzero(summed.fine), np.flatnonzero(~summed.fine)
+        figures[some], codes[some] = _judged(study, summed, some)
+    for k in others:
+        try:
+            one = cycle_figures(study, values[k])
+            figures[k], codes[k], unsolved[k], elastic[k] = one
+        except PinfricError as problem:  # of this sample: the others go on
+            unsolved[k], problems[k] = len(study.trajectory.t), str(problem)
+    table = figures.reshape(n, -1)
     drives = study.scene.actuator_names
     columns: dict[str, Any] = {"sample": rows}
     columns |= {target.name: values[:, j] for j, target in enumerate(study.targets)}
     named = [f"{drive}.{figure}" for drive in drives for figure in FIGURES]
     columns |= dict(zip(named, table.T, strict=True))
     for k, name in enumerate(map(".".join, study.criteria)):
-        codes = np.array([cycle.verdicts[k] for cycle in cycles])
-        met = pd.Series(codes == 1, dtype="boolean")
-        columns[name] = met.mask(codes == NOT_CHECKED)
-    for k, name in enumerate(study.elastic):
-        columns[name] = [cycle.elastic[k] for cycle in cycles]
-    columns["unsolved"] = [cycle.unsolved for cycle in cycles]
-    columns["problem"] = [cycle.problem for cycle in cycles]
-    return pd.DataFrame(columns)
+        met = pd.Series(codes[:, k] == 1, dtype="boolean")
+        columns[name] = met.mask(codes[:, k] == NOT_CHECKED)
+    columns |= {name: elastic[:, k] for k, name in enumerate(study.elastic)}
+    return pd.DataFrame(columns | {"unsolved": unsolved, "problem": problems})
 
 
-def _cycle(study: Study, sample: np.ndarray, stored: Stored | None) -> SampleFigures:
-    """Compute one sample: from stored cycles if it is a sum of them, else by inverse dynamics."""
-    try:
-        if stored is None:
-            return cycle_figures(study, sample)
-        margins, verdicts = np.ones(len(stored.demands)), list[int]()
-        if stored.result is not None:
-            margins, verdicts = _verdicts(study, stored.result, stored.inertias)
-        return SampleFigures(np.column_stack((stored.demands, margins)), verdicts)
-    except PinfricError as problem:  # of this sample: the others go on
-        none = np.full((len(study.scene.drives), len(FIGURES)), np.nan)
-        unknown = [NOT_CHECKED] * len(study.criteria), [np.nan] * len(study.elastic)
-        return SampleFigures(none, unknown[0], len(study.trajectory.t), unknown[1], str(problem))
+def _judged(study: Study, cycles: Summed, some: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The figures of some summed cycles, (n, na, number of `FIGURES`), and their verdicts."""
+    demands, path = cycles.demands[some], study.trajectory.q
+    margins, verdicts = np.ones(demands.shape[:2]), [np.empty((len(some), 0), dtype=int)]
+    for k, trial in enumerate(study.trials):
+        i = trial.actuator
+        margins[:, i], codes = trial.verdicts(
+            demands[:, i],
+            cycles.asked[some, k],
+            cycles.inertias[some, i],
+            travel(study.scene, i, path),
+        )
+        verdicts.append(codes)
+    return np.concatenate((demands, margins[:, :, None]), axis=2), np.hstack(verdicts)
 
 
 def cycle_figures(study: Study, sample: Sequence[float] | np.ndarray) -> SampleFigures:

@@ -10,6 +10,8 @@ import numpy as np
 from pinfric.drives.catalog import Catalog
 from pinfric.drives.catalog_file import load_catalog
 from pinfric.drives.criterion import Status, least_margin
+from pinfric.drives.cycles import judge_cycles, reads_samples
+from pinfric.drives.demand import GearDemand
 from pinfric.drives.drivetrain import Candidate
 from pinfric.drives.installed import actuator_of, installed_drive
 from pinfric.drives.limit import idle, number
@@ -22,6 +24,7 @@ from pinfric.dynamics.inverse.result import InverseResult
 from pinfric.errors import CatalogError, SizingError, SweepError, choose_from, problems_line
 from pinfric.model.drives import Drive
 from pinfric.model.scene import Scene
+from pinfric.motions.summary import effort_unit
 from pinfric.sweeps.file import SweepFile
 
 #: What a sample says of a criterion.
@@ -39,6 +42,8 @@ class Trial:
         continuous_torque, peak_torque: at the motor's shaft, N m, the first at the ambient
             temperature of the conditions; None: unknown.
         checks: the criteria of `size` to meet.
+        unit: of its efforts. hand: it is one of the hand axes.
+        by_figures: no criterion reads samples of a cycle.
     """
 
     drive: str
@@ -48,6 +53,26 @@ class Trial:
     continuous_torque: float | None
     peak_torque: float | None
     checks: tuple[str, ...]
+    unit: str
+    hand: bool
+    by_figures: bool
+
+    def verdicts(
+        self, demands: np.ndarray, asked: np.ndarray, inertia: np.ndarray, travel: float | None
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return `verdict` of n cycles, (n,) and (n, number of `checks`), if `by_figures`.
+
+        Args:
+            demands, asked: (n, ...) of `superposition_kernels.write_figures`. inertia: (n,).
+            travel: of a sliding joint over the cycle, m; None: it turns.
+        """
+        peak, _, *torque, speed = demands.T
+        demand = GearDemand(self.drive, self.unit, peak, speed, 0.0, 0.0, None, travel, None)
+        known = None if np.isnan(inertia).any() else inertia
+        case = idle(self.conditions)._replace(demand=demand, hand=self.hand, load_inertia=known)
+        least, margins = judge_cycles(self.candidate, case, np.array(torque), asked)
+        checked = np.array([margins[name] for name in self.checks]).T.reshape(len(least), -1)
+        return least, np.where(np.isnan(checked), NOT_CHECKED, np.where(checked < 0, FAILS, MET))
 
     def verdict(
         self, result: InverseResult, holding: np.ndarray, inertias: np.ndarray | None
@@ -115,7 +140,8 @@ def _trial(scene: Scene, catalog: Catalog, conditions: Conditions, joint: str, n
         candidate = installed_drive(scene, actuator, candidate, catalog.brakes)
     if candidate.transmission is None:
         raise SweepError(f"{name}: not known: {', '.join(candidate.missing)}")
-    judged = read_drive(candidate, None, idle(conditions, depth(scene, actuator) > BASE_AXES))
+    hand = depth(scene, actuator) > BASE_AXES
+    judged = read_drive(candidate, None, idle(conditions, hand))
     # a gearmotor is rated at its output; the sweep compares at the motor's shaft
     scale = candidate.ratio if candidate.at_output else 1.0
     torques = [float(x) / scale for x in (judged.heat, number(candidate.ratings.peak_torque))]
@@ -123,4 +149,15 @@ def _trial(scene: Scene, catalog: Catalog, conditions: Conditions, joint: str, n
     # what is required is found on a drive that does nothing
     assessment = check(candidate, None, judged.case)
     checks = tuple(c.name for c in assessment if c.status != Status.NOT_REQUIRED)
-    return Trial(joint, actuator, candidate, conditions, continuous, peak, checks)
+    return Trial(
+        joint,
+        actuator,
+        candidate,
+        conditions,
+        continuous,
+        peak,
+        checks,
+        effort_unit(scene, actuator),
+        hand,
+        not reads_samples(candidate, conditions, hand),
+    )

@@ -12,7 +12,7 @@ its centre of mass, so they are interpolated exactly. See `notebooks/theory/swee
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import combinations, product
 from typing import NamedTuple
@@ -20,10 +20,13 @@ from typing import NamedTuple
 import numpy as np
 import pinocchio as pin
 
+from pinfric.drives.cycles import Asked, Rated
+from pinfric.drives.demand import driven_joint
 from pinfric.drives.inertia import joint_inertias
 from pinfric.dynamics.inverse.inverse import inverse_dynamics
-from pinfric.dynamics.inverse.result import InverseResult
+from pinfric.dynamics.samples.reactions import state_wrenches
 from pinfric.dynamics.samples.states import States, attached_columns
+from pinfric.model.bearings import axes_along
 from pinfric.model.drives import Gears
 from pinfric.model.friction_terms import CONSTANT, FrictionTerm, Stribeck
 from pinfric.model.laws import Laws, friction_law, law_table
@@ -31,7 +34,8 @@ from pinfric.model.magnitudes import LARGEST_OF_A_MOTION
 from pinfric.model.scene import Scene
 from pinfric.model.transmission import MakersEfficiency, OwnTransmission
 from pinfric.motions.trajectory import Trajectory
-from pinfric.sweeps.parameters import ELASTIC, SET, Target, apply, mounted_gravity
+from pinfric.sweeps.motors import Trial
+from pinfric.sweeps.parameters import ELASTIC, SET, Target, mounted_gravity
 from pinfric.sweeps.superposition_kernels import Basis, Cycle, Path, Varied, write_figures
 
 #: Between the places of a payload's centre of mass (m).
@@ -46,18 +50,19 @@ _WAYS = {"": slice(0, 3), "positive": slice(1, 2), "negative": slice(2, 3)}
 _LEAST_EFFORT, _LARGEST_EFFORT = 1e-150, 1e150
 
 
-class Stored(NamedTuple):
-    """One sample's cycle.
+class Summed(NamedTuple):
+    """Cycles of n samples.
 
     Attributes:
-        demands: (na, 5) on each drive (`write_figures`).
-        result: None unless asked for.
-        inertias: (na,) largest about each joint, kg m^2 (kg).
+        demands: (n, na, 5) on each drive; asked: (n, k, ...) of drives on trial (`write_figures`).
+        inertias: (n, na) largest about each joint, kg m^2 (kg); no rows without trials.
+        fine: (n,) false where the general path must say what is wrong with a cycle.
     """
 
     demands: np.ndarray
-    result: InverseResult | None = None
-    inertias: np.ndarray | None = None
+    asked: np.ndarray
+    inertias: np.ndarray
+    fine: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -70,6 +75,7 @@ class Superposition:
             its places.
         basis: each body run by each cause.
         path: what all samples share.
+        tried: the drives on trial; None: there are none.
     """
 
     scene: Scene
@@ -78,19 +84,31 @@ class Superposition:
     bodies: tuple[Scene, ...]
     basis: Basis
     path: Path
+    tried: Rated | None = None
 
     @classmethod
     def of(
-        cls, scene: Scene, trajectory: Trajectory, targets: tuple[Target, ...]
+        cls,
+        scene: Scene,
+        trajectory: Trajectory,
+        targets: tuple[Target, ...],
+        trials: Sequence[Trial] = (),
     ) -> Superposition | None:
-        """Compute the stored cycles; None where samples are not sums of them (see `_is_linear`)."""
+        """Compute the stored cycles; None where samples are not sums of them (see `_is_linear`).
+
+        Or where a drive on trial is not judged by figures of a cycle.
+        """
+        if not all(trial.by_figures for trial in trials) or (trials and len(trajectory.t) < 2):
+            return None
         others = {k: p for k, p in scene.payloads.items() if k not in _varied_payloads(targets)}
         bodies = (scene.with_(payloads=others, actuators=None), *_places(scene, targets))
-        causes, width = _causes(scene, targets), scene.model.nv + 6 * len(scene.sites)
+        rows, tried = _on_trial(scene, trials)
+        causes, width = _causes(scene, targets), scene.model.nv + 6 * len(rows)
         numbers = len(bodies) * len(causes) * len(trajectory.t) * width
         if not _is_linear(scene, targets) or numbers > _MOST:
             return None
         states, efforts, wrenches = _states(scene, trajectory), [], []
+        carried = tried is not None and bool((tried.wrench >= 0).any())
         for body, (gravity, moves) in product(bodies, causes):
             result = inverse_dynamics(
                 body.with_(gravity=gravity),
@@ -101,11 +119,15 @@ class Superposition:
                 threads=1,
             )
             efforts.append(result.effort_frictionless.reshape(-1))
-            wrenches.append(np.empty(0) if result.wrench is None else result.wrench.reshape(-1))
+            wrench = result.wrench
+            if len(rows) > len(scene.sites) or (carried and wrench is None):
+                wrench = state_wrenches(result.scene, result.states, threads=1)[:, rows]
+            wrenches.append(np.empty(0) if wrench is None else wrench.reshape(-1))
         sites, away = scene.site_tables, np.empty((0, 0))
         if sites.contacts.moves.any():
             away = scene.twin().displacements(sites.joint, states.q)
         path = Path(  # the columns of v are the drives', one for each
+            t=trajectory.t,
             v=states.v,
             a=states.a,
             weight=_weights(trajectory.t),
@@ -115,20 +137,18 @@ class Superposition:
             geared=any(drive.transmission is not None for drive in scene.drives),
         )
         basis = Basis(np.stack(efforts), np.stack(wrenches))
-        return cls(scene, trajectory, targets, bodies, basis, path)
+        return cls(scene, trajectory, targets, bodies, basis, path, tried)
 
-    def cycles(self, values: np.ndarray, whole: bool) -> Iterator[Stored | None]:
-        """Yield each sample's cycle as the sum of stored ones, reduced by `write_figures`.
-
-        None where the general path must say what is wrong with a cycle.
+    def cycles(self, values: np.ndarray) -> Summed:
+        """Return each sample's cycle as the sum of stored ones, reduced by `write_figures`.
 
         Args:
             values: (n, number of targets).
-            whole: with the result for the criteria of `size`; the next cycle overwrites it.
         """
-        n = len(values)
+        n, trials = len(values), 0 if self.tried is None else len(self.tried.column)
         figures = np.empty((n, len(self.scene.drives), 5))
-        cycle = Cycle.of(self.path, whole=whole)  # a thread's own
+        asked = np.empty((n, trials, len(Asked._fields)))
+        cycle = Cycle.of(self.path, self.basis, trials)  # a thread's own
         speed, bodies, causes = self._coefficients(values)
         varied = Varied(
             (bodies[:, :, None] * causes[:, None, :]).reshape(n, -1),
@@ -136,54 +156,14 @@ class Superposition:
             laws_of_samples(self.scene, self.targets, values),
             gears_of_samples(self.scene, self.targets, values),
         )
-        movable = self._can_move(speed)
-        for i in range(n):
-            if whole or i == 0:
-                with np.errstate(all="ignore"):
-                    end = i + 1 if whole else n
-                    write_figures(*self.basis, self.path, varied, cycle, figures, i, end)
-            size = figures[i, :, :4]
-            fine = (size == 0.0) | ((size > _LEAST_EFFORT) & (size < _LARGEST_EFFORT))
-            if not (movable[i] and fine.all()):
-                yield None
-            elif not whole:
-                yield Stored(figures[i])
-            else:
-                inertias = np.tensordot(bodies[i], self._inertias, 1).max(axis=0)
-                yield Stored(figures[i], self._result(cycle, values[i], speed[i]), inertias)
-
-    def _result(self, cycle: Cycle, sample: np.ndarray, speed: float) -> InverseResult:
-        """Return the result of the buffered cycle, as far as the criteria of `size` need it."""
-        like, t = self._like, self.trajectory.t
-        # of the friction they ask nothing, of what is carried nothing where wrenches are known
-        known = like.wrench is not None and len(self.scene.sites) == len(self.scene.joint_names)
-        asked = ("transmission",) if known else ("transmission", "payload", "mounting")
-        some = [j for j, target in enumerate(self.targets) if target.section in asked]
-        scene, _ = apply(
-            self.scene, self.trajectory, [self.targets[j] for j in some], sample[some].tolist()
-        )
-        here = cycle.samples._asdict() | cycle._asdict()
-        stored = {entry.name: here[entry.name] for entry in fields(like) if entry.name in here}
-        if not self.path.geared:
-            ends = cycle.samples.effort_lower, cycle.samples.effort_upper
-            stored |= dict(zip(("motor_torque_lower", "motor_torque_upper"), ends, strict=True))
-        stored["wrench"] = None if like.wrench is None else cycle.wrench
-        moved = replace(
-            like.states, v=cycle.velocity, a=cycle.acceleration, t=t[0] + (t - t[0]) / speed
-        )
-        return replace(
-            like,
-            scene=scene,
-            states=moved,
-            actuator_velocity=cycle.velocity,
-            actuator_acceleration=cycle.acceleration,
-            **stored,
-        )
-
-    @cached_property
-    def _like(self) -> InverseResult:
-        """The result of the path, for what no sample changes."""
-        return inverse_dynamics(self.scene, self.trajectory, threads=1)
+        with np.errstate(all="ignore"):
+            write_figures(*self.basis, self.path, varied, cycle, self.tried, figures, asked)
+        size = figures[:, :, :4]
+        fine = (size == 0.0) | ((size > _LEAST_EFFORT) & (size < _LARGEST_EFFORT))
+        inertias = np.empty((0, len(self.scene.drives)))
+        if trials:
+            inertias = np.stack([np.tensordot(k, self._inertias, 1).max(axis=0) for k in bodies])
+        return Summed(figures, asked, inertias, fine.all(axis=(1, 2)) & self._can_move(speed))
 
     @cached_property
     def _inertias(self) -> np.ndarray:
@@ -234,6 +214,26 @@ class Superposition:
         largest = np.max([latest, next(rates) * s, next(rates) * s * s], axis=0)
         apart = np.diff(t).min(initial=np.inf) / s > 1e-12 * latest
         return apart & (largest < LARGEST_OF_A_MOTION / 2)
+
+
+def _on_trial(scene: Scene, trials: Sequence[Trial]) -> tuple[list[int], Rated | None]:
+    """Rows of wrenches, of all sites and of joints on trial without one, and the drives' table."""
+    rows = [site.joint for site in scene.sites]
+    if not trials:
+        return rows, None
+    turns, places = [], []
+    for trial in trials:
+        joint, turn, place = driven_joint(scene, trial.actuator), np.eye(3), -1
+        if joint is not None and trial.candidate.carried:
+            axis = scene.twin().axis[joint - 1]
+            turn = axes_along(axis[3:] if axis[3:].any() else axis[:3])
+            rows += [joint - 1] * (joint - 1 not in rows)
+            place = rows.index(joint - 1)
+        turns.append(turn)
+        places.append(place)
+    drives = [(trial.actuator, trial.candidate) for trial in trials]
+    tried = Rated.of(drives, trials[0].conditions, turns)
+    return rows, tried._replace(wrench=np.array(places))
 
 
 def _is_linear(scene: Scene, targets: Sequence[Target]) -> bool:

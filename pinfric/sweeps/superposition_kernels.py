@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from pinfric.drives.cycles import Rated, write_asked
 from pinfric.dynamics.samples.motion_kernels import (
     TreeSamples,
     bound_within,
@@ -29,7 +30,7 @@ class Path(NamedTuple):
     """The common data of all cycles.
 
     Attributes:
-        v, a: (T, nv) at a speed factor of 1, rad/s or m/s, and per second.
+        t: (T,) s. v, a: (T, nv) rad/s or m/s, and per second; at a speed factor of 1.
         weight: (T,) of each sample in a mean over time; their sum is 1.
         displacement: (T, ns) see `TreeSamples`.
         sites: `Scene.site_tables`, `joint` the row of each site's wrench.
@@ -37,6 +38,7 @@ class Path(NamedTuple):
         geared: whether there is a transmission.
     """
 
+    t: np.ndarray
     v: np.ndarray
     a: np.ndarray
     weight: np.ndarray
@@ -51,7 +53,8 @@ class Basis(NamedTuple):
 
     Attributes:
         effort: (nb, T nv) tau_b, one drive per degree of freedom.
-        wrench: (nb, T 6 ns) w_b at the sites; no columns if nothing needs wrenches.
+        wrench: (nb, T 6 nw) w_b at the sites, then at joints on trial without one; no columns if
+            nothing needs wrenches.
     """
 
     effort: np.ndarray
@@ -80,7 +83,9 @@ class Cycle(NamedTuple):
         samples: of its joints.
         velocity, acceleration: (T, na) of the drives. turns: (T, na) bool, their reversals.
         motor_torque_lower, motor_torque_upper: (T, na).
-        wrench: (T or block, ns, 6).
+        wrench: (block, nw, 6).
+        t: (T,). of_drive: (5, T) of one drive on trial: velocity, ends of effort and motor torque.
+        carried: (k, T, 6) of joints on trial: force and moment in axes of their own.
     """
 
     samples: TreeSamples
@@ -90,19 +95,23 @@ class Cycle(NamedTuple):
     motor_torque_lower: np.ndarray
     motor_torque_upper: np.ndarray
     wrench: np.ndarray
+    t: np.ndarray
+    of_drive: np.ndarray
+    carried: np.ndarray
 
     @classmethod
-    def of(cls, path: Path, whole: bool) -> Cycle:
-        """Make the buffers for a path, of all wrenches (`whole`) or of a block of them."""
-        samples, ns = len(path.v) if whole else _BLOCK, len(path.sites.joint)
-        of_sites, of_drives = np.empty((4, len(path.v), ns)), np.empty((7, *path.v.shape))
-        flags = np.empty((2, len(path.v), ns), dtype=bool)
+    def of(cls, path: Path, basis: Basis, trials: int) -> Cycle:
+        """Make the buffers for a path, its wrenches block by block, and drives on trial."""
+        samples, ns = len(path.v), len(path.sites.joint)
+        of_sites, of_drives = np.empty((4, samples, ns)), np.empty((7, *path.v.shape))
+        flags = np.empty((2, samples, ns), dtype=bool)
         of_samples = TreeSamples._make(
             [of_sites[0], flags[0], path.displacement, *of_drives[:3], *of_sites[1:], flags[1]]
         )
         turns = np.empty(path.v.shape, dtype=bool)
-        wrench = np.empty((samples, ns, 6))
-        return cls._make([of_samples, *of_drives[3:5], turns, *of_drives[5:], wrench])
+        wrench = np.empty((_BLOCK, max(ns, basis.wrench.shape[1] // (6 * samples)), 6))
+        tried = np.empty(samples), np.empty((5, samples)), np.empty((trials, samples, 6))
+        return cls._make([of_samples, *of_drives[3:5], turns, *of_drives[5:], wrench, *tried])
 
 
 @kernel
@@ -112,24 +121,25 @@ def write_figures(
     path: Path,
     varied: Varied,
     cycle: Cycle,
+    tried: Rated | None,
     figures: np.ndarray,
-    start: int,
-    stop: int,
+    asked: np.ndarray,
 ) -> None:
     """Write the figures of each cycle and drive, at the worst end of its efforts.
 
     Args:
         effort, wrench: `Basis`.
         path, varied: what the cycles share, and what not.
-        cycle: buffers, which hold the last cycle afterwards.
+        cycle: buffers.
+        tried: the k drives on trial; None: there are none.
         figures: (n, na, 5) peak, RMS, both at the motor's shaft, largest speed; overwritten.
-        start, stop: which of the n cycles.
+        asked: (n, k, ...) what each cycle asks of drives on trial (`Asked`); overwritten.
     """
     x = cycle.samples
-    for c in range(start, stop):
+    for c in range(figures.shape[0]):
         _move(path, varied.speed[c], cycle)
         _superpose(effort, varied.coefficient[c], 0, x.effort_frictionless.reshape(-1))
-        _bound_blocks(wrench, path, varied, c, cycle)
+        _bound_blocks(wrench, path, varied, c, cycle, tried)
         efforts = x.effort_lower, x.effort_upper
         _reduce(path.weight, *efforts, figures[c], 0)
         torques = efforts
@@ -146,6 +156,31 @@ def write_figures(
         _reduce(path.weight, *torques, figures[c], 2)
         for d in range(figures.shape[1]):
             figures[c, d, 4] = np.abs(cycle.velocity[:, d]).max()
+        if tried is not None:
+            for i in range(path.t.size):
+                cycle.t[i] = path.t[0] + (path.t[i] - path.t[0]) / varied.speed[c]
+            for k in range(tried.column.size):
+                _write_trial(path, cycle, torques, tried, k, asked[c, k])
+
+
+@kernel
+def _write_trial(
+    path: Path,
+    cycle: Cycle,
+    torques: tuple[np.ndarray, np.ndarray],
+    tried: Rated,
+    k: int,
+    asked: np.ndarray,
+) -> None:
+    """Write what the buffered cycle asks of one drive on trial."""
+    d, x, own = tried.column[k], cycle.samples, cycle.of_drive
+    for i in range(path.t.size):
+        own[0, i] = cycle.velocity[i, d]
+        own[1, i], own[2, i] = x.effort_lower[i, d], x.effort_upper[i, d]
+        own[3, i], own[4, i] = torques[0][i, d], torques[1][i, d]
+    carried = cycle.carried[k] if tried.wrench[k] >= 0 else cycle.carried[k, :0]
+    stick = path.stick_velocity[d]
+    write_asked(tried, k, cycle.t, own[0], own[1:3], own[3:], carried, stick, asked)
 
 
 @kernel
@@ -176,9 +211,16 @@ def _superpose(basis: np.ndarray, coefficient: np.ndarray, start: int, out: np.n
 
 
 @kernel
-def _bound_blocks(wrench: np.ndarray, path: Path, varied: Varied, c: int, cycle: Cycle) -> None:
+def _bound_blocks(
+    wrench: np.ndarray,
+    path: Path,
+    varied: Varied,
+    c: int,
+    cycle: Cycle,
+    tried: Rated | None,
+) -> None:
     """Write loads, friction and efforts of one cycle from the summed wrenches, by blocks."""
-    t, samples, width = path.sites, path.v.shape[0], 6 * path.sites.joint.size
+    t, samples, width = path.sites, path.v.shape[0], 6 * cycle.wrench.shape[1]
     laws = laws_of_row(varied.laws, c % varied.laws.viscous.shape[0])
     sites = SiteTables(t.joint, t.axis, t.contacts, laws, t.velocity_index, t.ratio)
     for start in range(0, samples, cycle.wrench.shape[0]):
@@ -187,6 +229,22 @@ def _bound_blocks(wrench: np.ndarray, path: Path, varied: Varied, c: int, cycle:
         if wrench.shape[1] > 0:
             _superpose(wrench, varied.coefficient[c], start * width, here.reshape(-1))
         bound_within(sites, here, part_of(cycle.samples, start, stop))
+        if tried is not None:
+            for k in range(tried.column.size):
+                if tried.wrench[k] >= 0:
+                    _turn(tried.turn[k], here[:, tried.wrench[k]], cycle.carried[k, start:stop])
+
+
+@kernel
+def _turn(turn: np.ndarray, wrench: np.ndarray, carried: np.ndarray) -> None:
+    """Write force and moment (T, 6) in the axes that are the rows of `turn`."""
+    for i in range(wrench.shape[0]):
+        for part in (0, 3):
+            for j in range(3):
+                total = 0.0
+                for m in range(3):
+                    total += turn[j, m] * wrench[i, part + m]
+                carried[i, part + j] = total
 
 
 @kernel
