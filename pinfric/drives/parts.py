@@ -31,10 +31,17 @@ def named_drive(
         CatalogError: there is none for such a joint; as `own_parts`.
     """
     linear = effort_unit(scene, actuator) == "N"
-    drives = dict(drives_of(catalog, linear, conditions.ambient))
+    some = replace(  # names of all pairs take seconds
+        catalog,
+        motors={key: x for key, x in catalog.motors.items() if name.startswith(key)},
+        gears={key: x for key, x in catalog.gears.items() if key in name},
+        gearmotors={key: x for key, x in catalog.gearmotors.items() if key == name},
+    )
+    drives = dict(drives_of(some, linear, conditions.ambient))
     if name not in drives:
+        there = dict(drives_of(catalog, linear, conditions.ambient))
         raise CatalogError(
-            f"the catalogue has no drive {name!r} ({catalog.source}); {choose_from(name, drives)}"
+            f"the catalogue has no drive {name!r} ({catalog.source}); {choose_from(name, there)}"
         )
     parts: dict[str, Any] = own_parts(catalog, conditions, scene.drives[actuator].name, linear)
     return replace(drives[name](), **parts)

@@ -24,7 +24,7 @@ from pinfric.errors import PinfricError
 from pinfric.model.scene import Scene
 from pinfric.motions.summary import column_rms
 from pinfric.motions.trajectory import Trajectory
-from pinfric.sweeps.motors import NOT_CHECKED, Trial
+from pinfric.sweeps.motors import MET, NOT_CHECKED, Trial
 from pinfric.sweeps.parameters import ELASTIC, Target, apply
 from pinfric.sweeps.superposition import Summed, Superposition
 
@@ -136,8 +136,7 @@ def compute(study: Study, rows: np.ndarray, values: np.ndarray) -> pd.DataFrame:
     named = [f"{drive}.{figure}" for drive in drives for figure in FIGURES]
     columns |= dict(zip(named, table.T, strict=True))
     for k, name in enumerate(map(".".join, study.criteria)):
-        met = pd.Series(codes[:, k] == 1, dtype="boolean")
-        columns[name] = met.mask(codes[:, k] == NOT_CHECKED)
+        columns[name] = pd.arrays.BooleanArray(codes[:, k] == MET, codes[:, k] == NOT_CHECKED)
     columns |= {name: elastic[:, k] for k, name in enumerate(study.elastic)}
     return pd.DataFrame(columns | {"unsolved": unsolved, "problem": problems})
 

@@ -27,6 +27,8 @@ _SHORT = 5.0
 #: What one batch takes: long beside its transport (s).
 _BATCH = 1.0
 _MOST_PER_BATCH = 500
+#: Samples by which the time of one is found: some, as a batch has a cost of its own.
+_FEW = 5
 
 
 def sweep(
@@ -125,10 +127,10 @@ def _samples(
     indices = np.arange(n)
     tell = progress or (lambda done, total: None)
     tell(done, n)
-    for _ in range(2):  # kernels are loaded by the first
+    for few in (1, min(n, _FEW)):  # kernels are loaded by the first
         start = perf_counter()
-        compute(study, indices[:1], values[:1])
-        seconds = perf_counter() - start
+        compute(study, indices[:few], values[:few])
+        seconds = (perf_counter() - start) / few
     used = min(processes, int(cpu_count())) if processes else int(effective_n_jobs())
     if processes is None and used == 1 and seconds * n >= _SHORT:
         used = int(cpu_count())
