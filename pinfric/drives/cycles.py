@@ -70,8 +70,8 @@ class Rated(NamedTuple):
     """Drives on trial, as `write_asked` reads them: (k, ...) each; NaN: not known.
 
     Attributes:
-        column: of the drive. wrench: row of its joint's wrench; -1: what carries it is not judged.
-        linear: it slides. turn: (k, 3, 3) rows x, y and its axis.
+        column: of the drive. carried: where force and moment of its joint are stored, in axes of
+            which the last is the joint's; -1: what carries it is not judged. linear: it slides.
         ratio: motor turns per joint turn. scale: from the motor's shaft to the rated one.
         exponent: of its bearing's mean loads; 0: its life is not judged.
         stall, overdriven: torques above which it is overloaded at rest, and its amplifier, N m.
@@ -83,9 +83,8 @@ class Rated(NamedTuple):
     """
 
     column: np.ndarray
-    wrench: np.ndarray
+    carried: np.ndarray
     linear: np.ndarray
-    turn: np.ndarray
     ratio: np.ndarray
     scale: np.ndarray
     exponent: np.ndarray
@@ -103,21 +102,16 @@ class Rated(NamedTuple):
     per_speed: np.ndarray
 
     @classmethod
-    def of(cls, drives: list[tuple[int, Candidate]], conditions: Conditions, turns: Any) -> Rated:
-        """Return the table of candidates at drives, which are columns.
-
-        Args:
-            turns: (k, 3, 3) as `turn`. `wrench` is -1 of all.
-        """
-        rows = [
-            _rated(i, one, conditions, turn) for (i, one), turn in zip(drives, turns, strict=True)
-        ]
-        return cls(
-            *(np.ascontiguousarray(column) for column in map(np.array, zip(*rows, strict=True)))
-        )
+    def of(
+        cls, drives: list[tuple[int, Candidate]], carried: list[int], conditions: Conditions
+    ) -> Rated:
+        """Return the table of candidates at drives, which are columns; `carried`: of each."""
+        rows = [_rated(*drive, conditions) for drive in drives]
+        table = {name: np.array([row[name] for row in rows]) for name in rows[0]}
+        return cls(carried=np.array(carried), **table)
 
 
-def _rated(column: int, candidate: Candidate, conditions: Conditions, turn: np.ndarray) -> Rated:
+def _rated(column: int, candidate: Candidate, conditions: Conditions) -> dict[str, Any]:
     ratings, bearing = candidate.ratings, candidate.bearing
     thermal = ratings.thermal_at(conditions)
     lag = heat_lag(thermal, ratings.thermal_time, conditions)
@@ -133,29 +127,26 @@ def _rated(column: int, candidate: Candidate, conditions: Conditions, turn: np.n
     if thermal is not None:
         names = "winding_housing", "housing_ambient", "winding_time", "housing_time"
         nodes = [number(getattr(thermal, name)) for name in names]
-    return Rated(
-        column=np.int64(column),
-        wrench=np.int64(-1),
-        linear=np.bool_(candidate.linear),
-        turn=turn,
-        ratio=np.float64(candidate.ratio),
-        scale=np.float64(candidate.ratio if candidate.at_output else 1.0),
-        exponent=np.float64(
-            0.0 if bearing is None or conditions.life is None else KINDS[bearing.kind].exponent
-        ),
-        stall=np.float64(number(ratings.stall_at(conditions))),
-        overdriven=np.float64(number(amplifier_torque(candidate, "continuous_current")[0])),
-        lag=np.array([*lag.times, lag.times[0]][:2]),
-        part=np.array([*lag.parts, 0.0][:2]),
-        constant=np.float64(number(k)),
-        resistance=np.float64(number(r)),
-        nodes=np.array(nodes),
-        turning=np.float64(ratings.no_load_heat),
-        ambient=np.float64(conditions.ambient),
-        hottest=np.float64(ratings.hottest(conditions)),
-        per_torque=np.float64(per_torque),
-        per_speed=np.float64(per_speed),
-    )
+    judged = bearing is not None and conditions.life is not None
+    return {
+        "column": column,
+        "linear": candidate.linear,
+        "ratio": float(candidate.ratio),
+        "scale": float(candidate.ratio) if candidate.at_output else 1.0,
+        "exponent": KINDS[bearing.kind].exponent if bearing and judged else 0.0,
+        "stall": number(ratings.stall_at(conditions)),
+        "overdriven": number(amplifier_torque(candidate, "continuous_current")[0]),
+        "lag": [*lag.times, lag.times[0]][:2],
+        "part": [*lag.parts, 0.0][:2],
+        "constant": number(k),
+        "resistance": number(r),
+        "nodes": nodes,
+        "turning": float(ratings.no_load_heat),
+        "ambient": float(conditions.ambient),
+        "hottest": ratings.hottest(conditions),
+        "per_torque": float(per_torque),
+        "per_speed": float(per_speed),
+    }
 
 
 @kernel
@@ -176,7 +167,8 @@ def write_asked(
         rated, k: the drives, and which of them.
         t: (T,) s. velocity: (T,) of the joint.
         effort, torque: (2, T) their ends: at the joint, and at the motor's shaft.
-        carried: (T, 6) force and moment of the joint in the axes of `turn`; (0, 6): not known.
+        carried: (T, 6) force and moment of the joint in axes of which the last is its own; (0, 6):
+            not known.
         asked: (number of figures,), overwritten.
     """
     n, scale = t.size, rated.scale[k]

@@ -5,13 +5,14 @@ motion) efforts tau_bc and wrenches w_bc along the path are computed once; a sam
 
     w = sum_bc k_b k_c w_bc,     k_c = (R^T g, s^2)
 
-with speed factor s and base R, and likewise tau. A payload's inertial parameters are quadratic in
+with speed factor s and base R, and likewise tau. Of wrenches the parts B w are stored whose norms
+are the sites' loads. A payload's inertial parameters are quadratic in
 its centre of mass, so they are interpolated exactly. See `notebooks/theory/sweeps.md`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import combinations, product
@@ -24,6 +25,7 @@ from pinfric.drives.cycles import Asked, Rated
 from pinfric.drives.demand import driven_joint
 from pinfric.drives.inertia import joint_inertias
 from pinfric.dynamics.inverse.inverse import inverse_dynamics
+from pinfric.dynamics.inverse.result import InverseResult
 from pinfric.dynamics.samples.reactions import state_wrenches
 from pinfric.dynamics.samples.states import States, attached_columns
 from pinfric.model.bearings import axes_along
@@ -102,13 +104,15 @@ class Superposition:
             return None
         others = {k: p for k, p in scene.payloads.items() if k not in _varied_payloads(targets)}
         bodies = (scene.with_(payloads=others, actuators=None), *_places(scene, targets))
-        rows, tried = _on_trial(scene, trials)
-        causes, width = _causes(scene, targets), scene.model.nv + 6 * len(rows)
+        needed, tried = _parts(scene, trials)
+        causes, width = _causes(scene, targets), scene.model.nv + sum(len(x.still) for x in needed)
         numbers = len(bodies) * len(causes) * len(trajectory.t) * width
         if not _is_linear(scene, targets) or numbers > _MOST:
             return None
-        states, efforts, wrenches = _states(scene, trajectory), [], []
-        carried = tried is not None and bool((tried.wrench >= 0).any())
+        states, efforts, parts = _states(scene, trajectory), [], []
+        sites, away = scene.site_tables, np.zeros((len(states.q), len(scene.sites)))
+        if sites.contacts.moves.any():
+            away = scene.twin().displacements(sites.joint, states.q)
         for body, (gravity, moves) in product(bodies, causes):
             result = inverse_dynamics(
                 body.with_(gravity=gravity),
@@ -119,24 +123,21 @@ class Superposition:
                 threads=1,
             )
             efforts.append(result.effort_frictionless.reshape(-1))
-            wrench = result.wrench
-            if len(rows) > len(scene.sites) or (carried and wrench is None):
-                wrench = state_wrenches(result.scene, result.states, threads=1)[:, rows]
-            wrenches.append(np.empty(0) if wrench is None else wrench.reshape(-1))
-        sites, away = scene.site_tables, np.empty((0, 0))
-        if sites.contacts.moves.any():
-            away = scene.twin().displacements(sites.joint, states.q)
+            there = [np.empty((len(states.q), 0))]
+            if needed:
+                wrench = _wrenches(result, {part.row for part in needed})
+                there += [part.of(wrench[part.row], away) for part in needed]
+            parts.append(np.concatenate(there, axis=1).reshape(-1))
         path = Path(  # the columns of v are the drives', one for each
             t=trajectory.t,
             v=states.v,
             a=states.a,
             weight=_weights(trajectory.t),
-            displacement=away,
-            sites=sites._replace(joint=np.arange(len(scene.sites))),
+            sites=sites,
             stick_velocity=scene.gears().stick_velocity,
             geared=any(drive.transmission is not None for drive in scene.drives),
         )
-        basis = Basis(np.stack(efforts), np.stack(wrenches))
+        basis = Basis(np.stack(efforts), np.stack(parts))
         return cls(scene, trajectory, targets, bodies, basis, path, tried)
 
     def cycles(self, values: np.ndarray) -> Summed:
@@ -216,24 +217,52 @@ class Superposition:
         return apart & (largest < LARGEST_OF_A_MOTION / 2)
 
 
-def _on_trial(scene: Scene, trials: Sequence[Trial]) -> tuple[list[int], Rated | None]:
-    """Rows of wrenches, of all sites and of joints on trial without one, and the drives' table."""
-    rows = [site.joint for site in scene.sites]
+class _Part(NamedTuple):
+    """(B + s C) w of one joint's wrench: its row, the site of s, and B and C (rank, 6)."""
+
+    row: int
+    site: int
+    still: np.ndarray
+    moved: np.ndarray
+
+    def of(self, wrench: np.ndarray, displacement: np.ndarray) -> np.ndarray:
+        """Return (T, rank) of a wrench (T, 6) and the displacements of all sites (T, ns)."""
+        part = wrench @ self.still.T
+        if self.moved.any():
+            part = part + displacement[:, [self.site]] * (wrench @ self.moved.T)
+        return part
+
+
+def _parts(scene: Scene, trials: Sequence[Trial]) -> tuple[list[_Part], Rated | None]:
+    """The parts of wrenches that loads and trials need (`Basis`), and the drives on trial."""
+    sites = scene.site_tables
+    terms = zip(*sites.contacts[:4], strict=True)
+    parts = [
+        _Part(int(sites.joint[s]), int(s), still[:rank], moved[:rank] * sites.contacts.moves[s])
+        for s, rank, still, moved in terms
+    ]
     if not trials:
-        return rows, None
-    turns, places = [], []
+        return parts, None
+    width, carried = sum(len(part.still) for part in parts), []
     for trial in trials:
-        joint, turn, place = driven_joint(scene, trial.actuator), np.eye(3), -1
-        if joint is not None and trial.candidate.carried:
+        joint = driven_joint(scene, trial.actuator) if trial.candidate.carried else None
+        carried.append(-1 if joint is None else width)
+        if joint is not None:
             axis = scene.twin().axis[joint - 1]
             turn = axes_along(axis[3:] if axis[3:].any() else axis[:3])
-            rows += [joint - 1] * (joint - 1 not in rows)
-            place = rows.index(joint - 1)
-        turns.append(turn)
-        places.append(place)
+            parts.append(_Part(joint - 1, -1, np.kron(np.eye(2), turn), np.zeros((6, 6))))
+            width += 6
     drives = [(trial.actuator, trial.candidate) for trial in trials]
-    tried = Rated.of(drives, trials[0].conditions, turns)
-    return rows, tried._replace(wrench=np.array(places))
+    return parts, Rated.of(drives, carried, trials[0].conditions)
+
+
+def _wrenches(result: InverseResult, rows: Collection[int]) -> Mapping[int, np.ndarray]:
+    """Wrenches (T, 6) of joints by row: the result's if it has them all."""
+    sites = [site.joint for site in result.scene.sites]
+    if result.wrench is not None and set(rows) <= set(sites):
+        return {row: result.wrench[:, k] for k, row in enumerate(sites)}
+    wrench = state_wrenches(result.scene, result.states, threads=1)
+    return {row: wrench[:, row] for row in rows}
 
 
 def _is_linear(scene: Scene, targets: Sequence[Target]) -> bool:

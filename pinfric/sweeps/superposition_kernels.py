@@ -1,7 +1,8 @@
 """Kernels: cycles of an open chain as sums of stored ones, reduced to a few figures per drive.
 
-w(t) = sum_b k_b w_b(t) and tau_id(t) = sum_b k_b tau_b(t), as `superposition` explains. Loads,
-friction, efforts and motor torques are not linear in w; the kernels of `dynamics` compute them.
+tau_id(t) = sum_b k_b tau_b(t), and likewise the parts B w of wrenches whose norms are the sites'
+loads, as `superposition` explains. Loads, friction, efforts and motor torques are not linear; the
+kernels of `dynamics` and `model` compute them.
 """
 
 from __future__ import annotations
@@ -13,16 +14,16 @@ import numpy as np
 from pinfric.drives.cycles import Rated, write_asked
 from pinfric.dynamics.samples.motion_kernels import (
     TreeSamples,
-    bound_within,
+    effort_bounds,
     mark_reversals,
     part_of,
 )
 from pinfric.kernels.compiled import kernel
 from pinfric.model.drives import Gears, gears_of_row, write_motor_torques
-from pinfric.model.laws import Laws, laws_of_row
+from pinfric.model.laws import Laws, friction_bounds, laws_of_row
 from pinfric.model.scene import SiteTables
 
-#: Samples whose wrenches are summed at once: they stay in the first-level cache.
+#: Samples whose parts are summed at once: they stay in the first-level cache.
 _BLOCK = 64
 
 
@@ -32,8 +33,7 @@ class Path(NamedTuple):
     Attributes:
         t: (T,) s. v, a: (T, nv) rad/s or m/s, and per second; at a speed factor of 1.
         weight: (T,) of each sample in a mean over time; their sum is 1.
-        displacement: (T, ns) see `TreeSamples`.
-        sites: `Scene.site_tables`, `joint` the row of each site's wrench.
+        sites: `Scene.site_tables`.
         stick_velocity: (na,) of the drives.
         geared: whether there is a transmission.
     """
@@ -42,7 +42,6 @@ class Path(NamedTuple):
     v: np.ndarray
     a: np.ndarray
     weight: np.ndarray
-    displacement: np.ndarray
     sites: SiteTables
     stick_velocity: np.ndarray
     geared: bool
@@ -53,12 +52,12 @@ class Basis(NamedTuple):
 
     Attributes:
         effort: (nb, T nv) tau_b, one drive per degree of freedom.
-        wrench: (nb, T 6 nw) w_b at the sites, then at joints on trial without one; no columns if
-            nothing needs wrenches.
+        part: (nb, T np) of w_b: (B + s C) w_b of each term of `Contacts`, its rank of numbers, then
+            force and moment of each drive on trial whose bearing is judged, in axes of its joint.
     """
 
     effort: np.ndarray
-    wrench: np.ndarray
+    part: np.ndarray
 
 
 class Varied(NamedTuple):
@@ -83,7 +82,7 @@ class Cycle(NamedTuple):
         samples: of its joints.
         velocity, acceleration: (T, na) of the drives. turns: (T, na) bool, their reversals.
         motor_torque_lower, motor_torque_upper: (T, na).
-        wrench: (block, nw, 6).
+        part: (block, np).
         t: (T,). of_drive: (5, T) of one drive on trial: velocity, ends of effort and motor torque.
         carried: (k, T, 6) of joints on trial: force and moment in axes of their own.
     """
@@ -94,7 +93,7 @@ class Cycle(NamedTuple):
     turns: np.ndarray
     motor_torque_lower: np.ndarray
     motor_torque_upper: np.ndarray
-    wrench: np.ndarray
+    part: np.ndarray
     t: np.ndarray
     of_drive: np.ndarray
     carried: np.ndarray
@@ -106,18 +105,18 @@ class Cycle(NamedTuple):
         of_sites, of_drives = np.empty((4, samples, ns)), np.empty((7, *path.v.shape))
         flags = np.empty((2, samples, ns), dtype=bool)
         of_samples = TreeSamples._make(
-            [of_sites[0], flags[0], path.displacement, *of_drives[:3], *of_sites[1:], flags[1]]
+            [of_sites[0], flags[0], np.empty((0, 0)), *of_drives[:3], *of_sites[1:], flags[1]]
         )
         turns = np.empty(path.v.shape, dtype=bool)
-        wrench = np.empty((_BLOCK, max(ns, basis.wrench.shape[1] // (6 * samples)), 6))
+        part = np.empty((_BLOCK, basis.part.shape[1] // samples))
         tried = np.empty(samples), np.empty((5, samples)), np.empty((trials, samples, 6))
-        return cls._make([of_samples, *of_drives[3:5], turns, *of_drives[5:], wrench, *tried])
+        return cls._make([of_samples, *of_drives[3:5], turns, *of_drives[5:], part, *tried])
 
 
 @kernel
 def write_figures(
     effort: np.ndarray,
-    wrench: np.ndarray,
+    part: np.ndarray,
     path: Path,
     varied: Varied,
     cycle: Cycle,
@@ -128,7 +127,7 @@ def write_figures(
     """Write the figures of each cycle and drive, at the worst end of its efforts.
 
     Args:
-        effort, wrench: `Basis`.
+        effort, part: `Basis`.
         path, varied: what the cycles share, and what not.
         cycle: buffers.
         tried: the k drives on trial; None: there are none.
@@ -139,7 +138,7 @@ def write_figures(
     for c in range(figures.shape[0]):
         _move(path, varied.speed[c], cycle)
         _superpose(effort, varied.coefficient[c], 0, x.effort_frictionless.reshape(-1))
-        _bound_blocks(wrench, path, varied, c, cycle, tried)
+        _bound_blocks(part, path, varied, c, cycle, tried)
         efforts = x.effort_lower, x.effort_upper
         _reduce(path.weight, *efforts, figures[c], 0)
         torques = efforts
@@ -178,7 +177,7 @@ def _write_trial(
         own[0, i] = cycle.velocity[i, d]
         own[1, i], own[2, i] = x.effort_lower[i, d], x.effort_upper[i, d]
         own[3, i], own[4, i] = torques[0][i, d], torques[1][i, d]
-    carried = cycle.carried[k] if tried.wrench[k] >= 0 else cycle.carried[k, :0]
+    carried = cycle.carried[k] if tried.carried[k] >= 0 else cycle.carried[k, :0]
     stick = path.stick_velocity[d]
     write_asked(tried, k, cycle.t, own[0], own[1:3], own[3:], carried, stick, asked)
 
@@ -212,39 +211,54 @@ def _superpose(basis: np.ndarray, coefficient: np.ndarray, start: int, out: np.n
 
 @kernel
 def _bound_blocks(
-    wrench: np.ndarray,
+    part: np.ndarray,
     path: Path,
     varied: Varied,
     c: int,
     cycle: Cycle,
     tried: Rated | None,
 ) -> None:
-    """Write loads, friction and efforts of one cycle from the summed wrenches, by blocks."""
-    t, samples, width = path.sites, path.v.shape[0], 6 * cycle.wrench.shape[1]
+    """Write loads, friction and efforts of one cycle from the summed parts, by blocks."""
+    sites, samples, width = path.sites, path.t.size, cycle.part.shape[1]
     laws = laws_of_row(varied.laws, c % varied.laws.viscous.shape[0])
-    sites = SiteTables(t.joint, t.axis, t.contacts, laws, t.velocity_index, t.ratio)
-    for start in range(0, samples, cycle.wrench.shape[0]):
-        stop = min(start + cycle.wrench.shape[0], samples)
-        here = cycle.wrench[: stop - start]
-        if wrench.shape[1] > 0:
-            _superpose(wrench, varied.coefficient[c], start * width, here.reshape(-1))
-        bound_within(sites, here, part_of(cycle.samples, start, stop))
+    for start in range(0, samples, cycle.part.shape[0]):
+        stop = min(start + cycle.part.shape[0], samples)
+        here, x = cycle.part[: stop - start], part_of(cycle.samples, start, stop)
+        _superpose(part, varied.coefficient[c], start * width, here.reshape(-1))
+        _write_loads(here, sites, x.normal_load)
+        lower, upper = x.friction_lower, x.friction_upper
+        friction_bounds(x.velocity, x.normal_load, laws, x.reversal, lower, upper, x.sticking)
+        effort_bounds(
+            x.effort_frictionless,
+            lower,
+            upper,
+            sites.velocity_index,
+            sites.ratio,
+            x.effort_lower,
+            x.effort_upper,
+        )
         if tried is not None:
             for k in range(tried.column.size):
-                if tried.wrench[k] >= 0:
-                    _turn(tried.turn[k], here[:, tried.wrench[k]], cycle.carried[k, start:stop])
+                if tried.carried[k] >= 0:
+                    for i in range(stop - start):
+                        for j in range(6):
+                            cycle.carried[k, start + i, j] = here[i, tried.carried[k] + j]
 
 
 @kernel
-def _turn(turn: np.ndarray, wrench: np.ndarray, carried: np.ndarray) -> None:
-    """Write force and moment (T, 6) in the axes that are the rows of `turn`."""
-    for i in range(wrench.shape[0]):
-        for part in (0, 3):
-            for j in range(3):
-                total = 0.0
-                for m in range(3):
-                    total += turn[j, m] * wrench[i, part + m]
-                carried[i, part + j] = total
+def _write_loads(part: np.ndarray, sites: SiteTables, load: np.ndarray) -> None:
+    """Write each site's normal load (n, ns), as `normal_loads`, from parts (n, np)."""
+    contacts = sites.contacts
+    for i in range(part.shape[0]):
+        for s in range(sites.joint.size):
+            load[i, s] = contacts.constant[s]
+        first = 0
+        for t in range(contacts.site.size):
+            square = 0.0
+            for j in range(first, first + contacts.rank[t]):
+                square += part[i, j] * part[i, j]
+            load[i, contacts.site[t]] += np.sqrt(square)
+            first += contacts.rank[t]
 
 
 @kernel
