@@ -10,7 +10,7 @@ force, the worst of its interval.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Literal, NamedTuple, final
+from typing import Any, Literal, NamedTuple, final
 
 import numpy as np
 from pydantic import model_validator
@@ -172,7 +172,7 @@ class GuideLoad:
     roll: float = quantity("largest moment about the travel", "N m", "roll")
 
 
-def guide_safety(ratings: BearingRatings, load: GuideLoad) -> float:
+def guide_safety(ratings: BearingRatings, load: GuideLoad) -> Any:
     """Return the static safety of a guide, f_s; NaN where a rating of a load is missing.
 
     1/f_s = sqrt(2) F/C_0 + M/M_0 + M_a/M_a0 of a guide that bears alike upwards, downwards and
@@ -269,7 +269,7 @@ def _along(
     return wrench[:, :3] @ turn.T, wrench[:, 3:] @ turn.T
 
 
-def equivalent_load(ratings: BearingRatings, load: BearingLoad) -> float | None:
+def equivalent_load(ratings: BearingRatings, load: BearingLoad) -> Any:
     """Return the dynamic equivalent load P of the mean loads, N; None where a figure is missing.
 
     P = X P_r + Y F_a with P_r of `BearingRatings.radial_load`, (X, Y) by F_a/P_r (`Factors`).
@@ -300,7 +300,7 @@ def static_load(ratings: BearingRatings, load: BearingLoad) -> float | None:
     return x * across + y * load.axial
 
 
-def bearing_life(dynamic_rating: float, load: float, speed: float, exponent: float) -> float:
+def bearing_life(dynamic_rating: float, load: Any, speed: Any, exponent: float) -> Any:
     """Return L10 = (C/P)^p x 10^6 revolutions, in hours; infinite where nothing turns or loads.
 
     Swaying counts by its way: (90/phi) of a round trip of half angle phi is the same.

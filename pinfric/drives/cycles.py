@@ -267,7 +267,8 @@ def reads_samples(candidate: Candidate, conditions: Conditions, hand: bool) -> b
 
     Rows of `add_limit` may.
     """
-    d, probe = read_drive(candidate, None, idle(conditions, hand)), _Samples()
+    probe: Any = _Samples()
+    d = read_drive(candidate, None, idle(conditions, hand))
     some = replace(d, case=d.case._replace(cycle=probe))
     try:
         for limit in LIMITS:
@@ -313,7 +314,7 @@ def judge_cycles(
         bearing = BearingLoad(*loads, {exponent: means}, found.mean_speed)
     if not np.isnan(found.across).any():
         guide = GuideLoad(found.across, found.pitch, found.roll)
-    own = {"mean_speed": found.mean_speed, "mean_cubic": found.mean_cubic}
+    own: dict[str, Any] = {"mean_speed": found.mean_speed, "mean_cubic": found.mean_cubic}
     demand = replace(case.demand, bearing=bearing, guide=guide, **own)
     nothing = read_drive(candidate, None, case)
     motor = {name: getattr(found, name) for name in Asked._fields if hasattr(nothing.asked, name)}

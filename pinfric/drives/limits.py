@@ -212,7 +212,7 @@ def _winding_room(d: Candidates) -> float:
     return d.ratings.max_winding(d.conditions) - d.conditions.ambient
 
 
-def _winding_rise(d: Candidates) -> float:
+def _winding_rise(d: Candidates) -> Value:
     """max T_w - T_a, at the mean heat where that is too hot already; infinite: it runs away."""
     room, ambient, mean = _winding_room(d), d.conditions.ambient, d.asked.mean_temperature
     if room <= 0:
@@ -264,7 +264,7 @@ def _amperes(current: str) -> Callable[[Candidates], str]:
     return lambda d: amplifier_torque(d.candidate, current)[1]
 
 
-def _overdrive_time(d: Candidates) -> float:
+def _overdrive_time(d: Candidates) -> Value:
     amplifier = d.candidate.amplifier
     most = np.nan if amplifier is None else number(amplifier.peak_time)
     return np.where(d.asked.overdriven == 0, np.inf, most)[()]
@@ -442,7 +442,7 @@ def _momentary_peaks(d: Candidates) -> float:
     return momentary_peaks(d.ratio * d.demand.speed, wanted.duration)
 
 
-def _gear_life(d: Candidates) -> float:
+def _gear_life(d: Candidates) -> Value:
     if not _has_gear(d):  # a gearmotor: its maker prints no life
         return np.nan
     life, speed, torque = d.gear.nominal_life, d.gear.rated_speed, d.gear.rated_torque
@@ -669,7 +669,7 @@ def _safety_formula(d: Candidates) -> str:
     return f"f_s = C_0/P_0, P_0 = {x:g} P_r + {y:g} F_a"
 
 
-def _bearing_life(d: Candidates) -> float:
+def _bearing_life(d: Candidates) -> Value:
     load, rating = d.demand.bearing, d.bearing.dynamic_rating
     equivalent = None if load is None else equivalent_load(d.bearing, load)
     if load is None or equivalent is None or rating is None:

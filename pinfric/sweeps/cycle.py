@@ -123,7 +123,7 @@ def compute(study: Study, rows: np.ndarray, values: np.ndarray) -> pd.DataFrame:
         summed = sums.cycles(values)
         some, others = np.flatnonzero(summed.fine), np.flatnonzero(~summed.fine)
         figures[some], codes[some] = _judged(study, summed, some)
-    for k in others:
+    for k in map(int, others):
         try:
             one = cycle_figures(study, values[k])
             figures[k], codes[k], unsolved[k], elastic[k] = one

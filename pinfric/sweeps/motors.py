@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -68,7 +69,7 @@ class Trial:
         """
         peak, _, *torque, speed = demands.T
         demand = GearDemand(self.drive, self.unit, peak, speed, 0.0, 0.0, None, travel, None)
-        known = None if np.isnan(inertia).any() else inertia
+        known: Any = None if np.isnan(inertia).any() else inertia
         case = idle(self.conditions)._replace(demand=demand, hand=self.hand, load_inertia=known)
         least, margins = judge_cycles(self.candidate, case, np.array(torque), asked)
         checked = np.array([margins[name] for name in self.checks]).T.reshape(len(least), -1)

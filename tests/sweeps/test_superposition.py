@@ -4,6 +4,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
 from builders import dry
 from numpy.testing import assert_array_equal
@@ -23,7 +24,7 @@ from pinfric.model.friction_terms import (
 )
 from pinfric.sweeps.cycle import FIGURES, Study, compute, cycle_figures
 from pinfric.sweeps.file import load_sweep
-from pinfric.sweeps.motors import motors_on_trial
+from pinfric.sweeps.motors import NOT_CHECKED, motors_on_trial
 from pinfric.sweeps.parameters import draw, resolve
 from pinfric.sweeps.superposition import Superposition
 
@@ -233,38 +234,80 @@ def test_one_sample_of_a_motion_is_too_few_to_judge_a_drive_and_that_is_said():
     whole = swing(scene)
     one = pf.Trajectory.from_arrays(scene, whole.t[:1], whole.q[:1], whole.v[:1], whole.a[:1])
     study, values = judged_study(scene, one)
-    assert study.superposition is not None
     assert "two samples" in compute(study, np.arange(3), values)["problem"][0]
 
 
-def judged_study(scene, motion):
-    drive = "Kollmorgen TBM-6025-A + Harmonic Drive CSG-20-100"
-    sweep = sweep_of(
-        3,
-        motors={"panda_joint2": {"drive": drive}},
-        **{
-            name: ALL[name]
-            for name in (
-                "friction.*.mu",
-                "payload.box.mass",
-                "payload.tool.com.y",
-                "speed",
-                "mounting.roll",
-            )
-        },
-    )
-    entries, source = load_sweep(sweep)
+VARIED = "friction.*.mu", "payload.box.mass", "payload.tool.com.y", "speed", "mounting.roll"
+TBM, TABLE = "Kollmorgen TBM-6025-A + Harmonic Drive CSG-20-100", "panda_joint2"
+
+
+def judged_study(scene, motion, drive=TBM, joint=TABLE, varied=VARIED, **more):
+    sweep = sweep_of(3, motors={joint: {"drive": drive}}, **{name: ALL[name] for name in varied})
+    entries, source = load_sweep(sweep | more)
     equipped, trials = motors_on_trial(scene, entries, source)
     targets = resolve(scene, entries, source)
     return Study(equipped, motion, targets, trials), draw(targets, entries)
 
 
-def test_catalogue_drives_are_judged_as_on_inverse_dynamics():
-    scene = arm()
-    study, values = judged_study(scene, swing(scene))
+def assert_judged_as_on_inverse_dynamics(study, values):
+    """Of each criterion and sample the verdict, of each sample the least margin."""
     assert study.superposition is not None
+    block = compute(study, np.arange(len(values)), values)
+    (trial,) = study.trials
+    for k, sample in enumerate(values):
+        alone = cycle_figures(study, sample)
+        for name, code in zip(trial.checks, alone.verdicts, strict=True):
+            found = block[f"{trial.drive}.{name}"][k]
+            assert (NOT_CHECKED if found is pd.NA else int(found)) == code, name
+        margin = alone.figures[trial.actuator, FIGURES.index("margin")]
+        found = block[f"{trial.drive}.margin"][k]
+        assert found == pytest.approx(margin, rel=1e-9, abs=1e-11)
+    return block
+
+
+HEAVY = {"life": 20_000.0, "back_driving": "required", "bus_voltage": 24.0}
+FED = {"amplifiers": {TABLE: "maxon EPOS4 50/5"}, "ambient": 60.0}
+
+
+@pytest.mark.parametrize(
+    ("drive", "conditions"),
+    [
+        (TBM, {}),
+        (TBM, HEAVY),
+        ("maxon RE 65 353297 + Harmonic Drive CSG-20-100", HEAVY),
+        ("maxon EC-i 30 45 W 539482 + Harmonic Drive CSG-20-100", FED),  # thermal runaway
+        ("maxon EC 90 flat 244879 + Harmonic Drive CSG-20-100", FED),
+        ("maxon EC 90 flat 244879 + Apex AF060 i=50", {"life": 20_000.0}),
+        ("CubeMars AK80-64", {"collision_effort": {TABLE: 50.0}}),
+        ("RobStride RS00", {"collisions": {"count": 100, "duration": 0.1}}),
+    ],
+    ids=lambda x: x if isinstance(x, str) else "-".join(x),
+)
+def test_drives_are_judged_as_on_inverse_dynamics(drive, conditions):
+    scene = arm()
+    study, values = judged_study(scene, swing(scene), drive, conditions=conditions)
+    assert_judged_as_on_inverse_dynamics(study, values)
     assert_equal_to_inverse_dynamics(study, values)
-    assert (figures(study, np.arange(3), values)[:, 1, FIGURES.index("margin")] != 1).all()
+
+
+def test_drives_of_joints_without_friction_by_loads_are_judged():
+    """Nothing else needs the wrenches of which the bearing's loads are."""
+    scene = arm().with_(friction={TABLE: dry(2.0, 1.0)})
+    study, values = judged_study(scene, swing(scene), varied=VARIED[1:], conditions=HEAVY)
+    block = assert_judged_as_on_inverse_dynamics(study, values)
+    assert block[f"{TABLE}.bearing tilting moment"].notna().all()
+
+
+def test_drives_whose_rows_read_samples_are_left_to_inverse_dynamics():
+    scene = arm()
+    for drive, by_figures in (
+        (TBM, True),
+        ("maxon EC 90 flat 244879 + Beckhoff TP004 MF i=4", False),
+    ):
+        study, values = judged_study(scene, swing(scene), drive)
+        assert study.trials[0].by_figures == by_figures
+        assert (study.superposition is not None) == by_figures
+        assert list(compute(study, np.arange(3), values)["problem"]) == [""] * 3
 
 
 def test_a_section_that_superposition_does_not_know_is_left_to_inverse_dynamics():
@@ -274,3 +317,20 @@ def test_a_section_that_superposition_does_not_know_is_left_to_inverse_dynamics(
     unknown = tuple(replace(target, section="bearings") for target in study.targets)
     assert Superposition.of(scene, motion, study.targets) is not None
     assert Superposition.of(scene, motion, unknown) is None
+
+
+def test_screws_of_sliding_joints_are_judged_as_on_inverse_dynamics():
+    scene = pf.load_scene("gantry")
+    motion = pf.load_trajectory("gantry", scene)
+    for joint, screw in (("z", "16 mm, lead 16 mm"), ("x", "25 mm, lead 25 mm")):
+        sweep = sweep_of(
+            2,
+            motors={joint: {"drive": f"maxon EC 90 flat 244879 + PBSA ball screw {screw}"}},
+            speed=uniform(0.5, 1.0),
+            payload__tool__mass=uniform(0.5, 4.0),
+        )
+        entries, source = load_sweep(sweep | {"conditions": {"life": 10_000.0}})
+        equipped, trials = motors_on_trial(scene, entries, source)
+        targets = resolve(scene, entries, source)
+        study = Study(equipped, motion, targets, trials)
+        assert_judged_as_on_inverse_dynamics(study, draw(targets, entries))
