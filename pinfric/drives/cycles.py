@@ -18,6 +18,7 @@ from pinfric.drives.criterion import STEPS, Status
 from pinfric.drives.demand import average_effort
 from pinfric.drives.drivetrain import Candidate, amplifier_torque
 from pinfric.drives.limit import (
+from pinfric.drives.reading import read_drive
     Candidates,
     Figures,
     JointCase,
