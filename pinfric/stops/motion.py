@@ -26,7 +26,15 @@ from pinfric.dynamics.inverse.inverse import inverse_dynamics
 from pinfric.dynamics.samples.closure import working_rates
 from pinfric.dynamics.simulation.motion import Motion
 from pinfric.dynamics.simulation.simulate import simulate, simulate_constant
-from pinfric.errors import AmbiguousAcceleration, PinfricWarning, SimulationError, StopError
+from pinfric.errors import (
+    AccelerationError,
+    AmbiguousAcceleration,
+    ClosureError,
+    PinfricWarning,
+    SimulationError,
+    StateError,
+    StopError,
+)
 from pinfric.model.closure import velocity_names
 from pinfric.model.robot import link_frame
 from pinfric.model.scene import Scene
@@ -41,8 +49,8 @@ _RTOL, _ATOL = 3e-7, 1e-9
 _LONGEST_STEP = 0.25
 #: A stop that takes longer than this (s) does not end; the first piece that is simulated.
 LONGEST, _PIECE = 5.0, 0.25
-#: Step (s) of time stepping, which passes what the events of a stop cannot.
-_STEP = 2e-4
+#: Step (s) of time stepping, which passes what the events of a stop cannot, and its time (s).
+_STEP, _STEPPED = 2e-4, 0.02
 #: Samples of a motion that the drives impose.
 _RAMP_SAMPLES = 201
 
@@ -144,7 +152,8 @@ def stop_motion(
         slowed: the motion that the drives impose until rest; None: of the machine's deceleration.
 
     Raises:
-        StopError: a joint does not come to rest; names it and what to give.
+        StopError: a joint does not come to rest; names it and what to give. Or the motion cannot be
+            simulated, as where a loop comes to a place in which it cannot close.
     """
     rows: list[_Rows] = []
     braked: list[Motion] = []
@@ -224,7 +233,7 @@ def _without_power(machine: BrakedMachine, q: np.ndarray, v: np.ndarray) -> list
     parts: list[Motion] = []
     t, closed = 0.0, dict(machine.torque) if machine.holds else dict[str, float]()
     for delay in [] if machine.holds else sorted(set(machine.delay.values())):
-        parts.append(_simulate(machine, closed, q, v, delay - t))
+        parts += _simulate(machine, closed, q, v, delay - t)
         q, v, t = parts[-1].q[-1], parts[-1].v[-1], delay
         closed |= {n: machine.torque[n] for n, after in machine.delay.items() if after == delay}
     return [*parts, *_until_rest(machine, closed, q, v, "without power")]
@@ -235,9 +244,9 @@ def _until_rest(
 ) -> Iterator[Motion]:
     gone, piece = 0.0, _PIECE
     while gone < LONGEST:
-        motion = _simulate(machine, torques, q, v, piece)
-        yield motion
-        q, v, gone, piece = motion.q[-1], motion.v[-1], gone + piece, 2.0 * piece
+        parts = _simulate(machine, torques, q, v, piece)
+        yield from parts
+        q, v, gone, piece = parts[-1].q[-1], parts[-1].v[-1], gone + piece, 2.0 * piece
         if not v.any():
             return
     raise StopError(_does_not_stop(machine, torques, v, gone, how))
@@ -245,35 +254,52 @@ def _until_rest(
 
 def _simulate(
     machine: BrakedMachine, torques: Mapping[str, float], q: np.ndarray, v: np.ndarray, time: float
-) -> Motion:
+) -> list[Motion]:
+    """A time with some brakes closed: by events, past what these cannot by short time stepping."""
     ws, unpowered = machine.closed(torques), np.zeros(len(machine.scene.drives))
+    parts, left = list[Motion](), time
+    while True:
+        try:
+            motion = simulate_constant(
+                ws,
+                q,
+                v,
+                unpowered,
+                left,
+                machine.carried,
+                rtol=_RTOL,
+                atol=_ATOL,
+                sample_step=_SAMPLE,
+                max_step=_LONGEST_STEP,
+            )
+            return [*parts, motion]
+        # events that accumulate; several answers; a loop that a long step leaves open
+        except (SimulationError, AmbiguousAcceleration, ClosureError):
+            parts.append(_stepped(ws.scene, machine.carried, q, v, min(left, _STEPPED)))
+        q, v, left = parts[-1].q[-1], parts[-1].v[-1], left - _STEPPED
+        if left <= 0.0:
+            return parts
+
+
+def _stepped(
+    scene: Scene, carried: Sequence[str], q: np.ndarray, v: np.ndarray, time: float
+) -> Motion:
     try:
-        motion = simulate_constant(
-            ws,
-            q,
-            v,
-            unpowered,
-            time,
-            machine.carried,
-            rtol=_RTOL,
-            atol=_ATOL,
-            sample_step=_SAMPLE,
-            max_step=_LONGEST_STEP,
-        )
-    except (SimulationError, AmbiguousAcceleration):  # events that accumulate; several answers
-        motion = simulate(
-            ws.scene,
+        return simulate(
+            scene,
             q,
             v,
             t_end=time,
             method="timestepping",
-            motor_torque=unpowered,
-            attached=machine.carried,
+            motor_torque=np.zeros(len(scene.drives)),
+            attached=carried,
             sample_step=_SAMPLE,
             progress=False,
             dt=_STEP,
         )
-    return motion
+    except (AccelerationError, ClosureError, SimulationError, StateError) as problem:
+        load = f"carrying {', '.join(carried) or 'nothing'}"
+        raise StopError(f"{scene.source}: {load}, a stop cannot be simulated: {problem}") from None
 
 
 def no_brake(products: Mapping[str, str], name: str, place: str) -> str:
