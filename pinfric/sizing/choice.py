@@ -37,13 +37,10 @@ from pinfric.sizing.task import Task
 from pinfric.sizing.together import together
 from pinfric.stops.machines import Machines, full_load, stop_settings
 from pinfric.stops.peaks import braking, cycle_peaks
-from pinfric.stops.study import StopResult, stops_of
+from pinfric.stops.screen import PEAK_RESERVE, ScreenedStops, screened_stops
 
 #: How often a joint may leave a drive before one is banned; and rounds that no choice needs.
 _FREE, _MOST_ROUNDS = 3, 200
-#: By which factor more than the peak by algebra a gear must bear where no simulation of the stops
-#: follows: simulated peaks are 0.68 to 1.15 of it, once 1.32.
-_NOT_SIMULATED = 1.3
 #: How often simulated stops that overload a gear demand more of it, and by which factor more than
 #: their peak.
 _STOPPED_AGAIN, _STOP_RESERVE = 2, 1.02
@@ -177,7 +174,7 @@ def peaks(task: Task, memory: Memory, choice: Choice) -> Choice:
         return choice
     most, powered = found
     fit = len(taken) == len(scene.drives) and all(a.fits for a in taken.values())
-    factor = 1.0 if task.stops_once and fit else _NOT_SIMULATED
+    factor = 1.0 if task.stops_once and fit else PEAK_RESERVE
     efforts = {i: max(factor * float(most[i]), choice.least.get(i, 0.0)) for i in taken}
     if products in choice.seen:
         efforts |= {i: max(x, efforts[i]) for i, x in choice.efforts.items() if i in efforts}
@@ -225,7 +222,7 @@ def stops(task: Task, memory: Memory, choice: Choice) -> Choice:
     found = simulated_stops(task, memory, choice)[0]
     if found is None or choice.simulated == _STOPPED_AGAIN:
         return choice
-    short = _overloaded({i: axis.peak for i, axis in enumerate(found.axes)}, choice.taken)
+    short = _overloaded(found.peaks, choice.taken)
     if not short:
         return choice
     least = {**choice.least, **{i: _STOP_RESERVE * peak for i, peak in short.items()}}
@@ -283,7 +280,7 @@ def open_stops(task: Task, memory: Memory, choice: Choice) -> dict[int, float]:
     found = _stop_peaks(task, memory, choice)
     if found is None or choice.borne == choice.products:
         return {}
-    return {i: _NOT_SIMULATED * float(found[0][i]) for i in choice.taken}
+    return {i: PEAK_RESERVE * float(found[0][i]) for i in choice.taken}
 
 
 def _overloaded(peaks: Mapping[int, float], taken: Mapping[int, Assessment]) -> dict[int, float]:
@@ -344,7 +341,7 @@ def _algebra(
     return most, tuple(powers)
 
 
-def simulated_stops(task: Task, memory: Memory, choice: Choice) -> tuple[StopResult | None, str]:
+def simulated_stops(task: Task, memory: Memory, choice: Choice) -> tuple[ScreenedStops | None, str]:
     """Return the simulated stops of a choice, or None and why there are none, else empty."""
     scene, catalog = task.scene, task.catalog
     columns = range(len(scene.drives))
@@ -362,12 +359,15 @@ def simulated_stops(task: Task, memory: Memory, choice: Choice) -> tuple[StopRes
         )
     key = "stops", choice.products, frozenset(task.added(choice.taken).items())
     if key not in memory.found:
-        memory.found[key] = _simulated(task, choice)
-    found: tuple[StopResult | None, str] = memory.found[key]
+        told = _stop_peaks(task, memory, choice)
+        memory.found[key] = _simulated(task, choice, None if told is None else told[0])
+    found: tuple[ScreenedStops | None, str] = memory.found[key]
     return found
 
 
-def _simulated(task: Task, choice: Choice) -> tuple[StopResult | None, str]:
+def _simulated(
+    task: Task, choice: Choice, peaks: np.ndarray | None
+) -> tuple[ScreenedStops | None, str]:
     task.progress("stops of the chosen drives")
     chosen = {i: a.candidate for i, a in choice.taken.items()}
     scene = equip(task.scene, chosen, task.conditions)
@@ -383,7 +383,8 @@ def _simulated(task: Task, choice: Choice) -> tuple[StopResult | None, str]:
         task.progress(f"stops of the chosen drives: {count}")
 
     try:
-        return stops_of(Machines(scene, settings, load, products), motion, tell), ""
+        machines = Machines(scene, settings, load, products)
+        return screened_stops(machines, motion, peaks, tell), ""
     except StopError as problem:
         return None, str(problem)
 

@@ -33,6 +33,7 @@ from pinfric.sizing.drive_search import Ask, Assessment, DriveSearch, momentary_
 from pinfric.sizing.elastic_arm import arm_criteria, reversal_criteria
 from pinfric.sizing.task import brakes_of
 from pinfric.sizing.verdict import JointState, JointVerdict, Verdict
+from pinfric.stops.screen import ScreenedStops
 from pinfric.stops.study import StopResult
 
 #: Drives that fit, of which a report tells.
@@ -204,7 +205,8 @@ class SizingReport(Shown):
         contradiction: that links are said to hold drives that outweigh them; these were then added.
         assumptions: of the sizing, in sentences.
         unclosed: states that differ between end and start of the cycle; empty if it closes.
-        stops: with the chosen drives and their brakes; None: none, or the scene has no `stops`.
+        screened: stops with the chosen drives and their brakes, as far as they decide; None: none,
+            or the scene has no `stops`.
         no_stops: why the stops that the scene asks for could not be judged; else "".
         rating: what the robot is rated for, beside a cycle or alone; None: a cycle alone.
         elsewhere: scenes in which the robot is mounted otherwise, for which the drives are, too.
@@ -229,7 +231,7 @@ class SizingReport(Shown):
     lighter: Mapping[int, Assessment] = field(default_factory=dict)
     assumptions: tuple[str, ...] = ()
     unclosed: tuple[str, ...] = ()
-    stops: StopResult | None = None
+    screened: ScreenedStops | None = None
     no_stops: str = ""
     contradiction: str = ""
     rating: RatedCycle | None = None
@@ -284,15 +286,23 @@ class SizingReport(Shown):
     def criteria(self) -> tuple[tuple[Criterion, ...], ...]:
         """All criteria of each joint: of its drive, brake, reversal error, stop and place."""
         by_joint = []
-        stops = None if self.stops is None else self.stops.axes
         for k in range(len(self.joints)):
             own = self.of_drive(k)
             still = () if self.catalog is None else self.standstills[k].criteria
-            stop = () if stops is None else stops[k].criteria
+            stop = () if self.screened is None else self.screened.criteria[k]
             named = (replace(c, name=f"stop: {c.name}") for c in stop)
             others = (*named, *_open_stop(self, k), *_shared(self, k))
             by_joint.append((*own, *still, *self.reversals[k : k + 1], *others))
         return tuple(by_joint)
+
+    @property
+    def stops(self) -> StopResult | None:
+        """All stops of the cycle, with times and ways: simulated when they are asked for.
+
+        Raises:
+            StopError: of `stop`.
+        """
+        return None if self.screened is None else self.screened.result
 
     @cached_property
     def amplifiers(self) -> tuple[tuple[str, str], ...]:
@@ -483,7 +493,7 @@ def _open_stop(report: SizingReport, k: int) -> list[Criterion]:
         judged = Criterion(
             _OPEN_STOP, Status.FAILS, None, None, "", None, *_OPEN_RULE, _UNKNOWN_STOP
         )
-        return [judged] * (report.stops is None)
+        return [judged] * (report.screened is None)
     judged = compare(
         _OPEN_STOP,
         peak,

@@ -154,7 +154,7 @@ def _report(task: Task, memory: Memory, choice: Choice) -> SizingReport:
     for robot in () if task.robot.exact else task.robots.values():
         robot.solve(dict(choice.solved))
     joints = tuple(_joint(task, memory, choice, i) for i in range(len(task.scene.drives)))
-    stops, no_stops = simulated_stops(task, memory, choice)
+    screened, no_stops = simulated_stops(task, memory, choice)
     chosen = {i: a.candidate for i, a in choice.taken.items()}
     equipped = equip(task.scene, chosen, task.conditions) if chosen else task.scene
     without, rating = task.robot.base.result, task.rating
@@ -184,7 +184,7 @@ def _report(task: Task, memory: Memory, choice: Choice) -> SizingReport:
         ),
         unclosed=gaps,
         contradiction=said_of_links(choice),
-        stops=stops,
+        screened=screened,
         no_stops=no_stops,
         other_mass=_other_mass(task, memory, choice),
         lighter=_lighter(task, memory, choice),

@@ -23,7 +23,7 @@ from pinfric.motions.rating import Rated
 from pinfric.sizing.drive_search import Ask, Assessment, stiffness_of
 from pinfric.sizing.report import JointSizing, SizingReport
 from pinfric.sizing.verdict import JointVerdict, Verdict
-from pinfric.stops.study import StopSummary, stop_summary
+from pinfric.stops.screen import StopScreen, stop_screen
 
 #: Criteria that are named of a drive that misses several.
 _MOST_MISSES = 3
@@ -274,7 +274,7 @@ class SizingSummary:
     ask: tuple[ToAsk, ...] = quantity(
         "lighter products that cannot be signed, fewest figures first"
     )
-    stops: StopSummary | None = quantity("with the chosen drives; none: no `stops` in the scene")
+    stops: StopScreen | None = quantity("with the chosen drives; none: no `stops` in the scene")
     unchecked: tuple[Unchecked, ...] = quantity(
         "criteria of drives, brakes, bus and robot that were not checked, and why"
     )
@@ -303,7 +303,7 @@ def sizing_summary(report: SizingReport) -> SizingSummary:
         mountings=tuple(_hardest(joint) for joint in report.joints if joint.mountings),
         lighter=_lighter(report),
         ask=to_ask(report),
-        stops=None if report.stops is None else stop_summary(report.stops),
+        stops=None if report.screened is None else stop_screen(report.screened),
         unchecked=() if report.catalog is None else unchecked(report),
         robot_criteria=report.arm_criteria,
         elasticity=None if report.elastic is None else elastic_summary(report.elastic),
@@ -372,7 +372,7 @@ def unchecked(report: SizingReport) -> tuple[Unchecked, ...]:
     for c in (*report.bus.criteria, *report.arm_criteria):
         if c.unchecked:
             lacking.setdefault((c.name, c.lacks), [])
-    if report.stops is None:
+    if report.screened is None:
         lacks = report.no_stops or "a drive that fits for every joint"
         lacks = "the key stops of the scene" if report.given.stops is None else lacks
         lacking["stopping times and distances", lacks] = []

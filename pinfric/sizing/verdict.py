@@ -5,7 +5,7 @@ A joint can be signed if a drive was chosen of which every necessary figure is k
 
 - of a drive: a row of `drives.limits.LIMITS`,
 - of a brake: `Standstill.criteria`,
-- of a stop and where it ends: `SizingReport.stops.axes[i].criteria`; of a rating alone its gear's
+- of a stop and where it ends: `SizingReport.screened.criteria[i]`; of a rating alone its gear's
   peak: `SizingReport.open_stops`,
 - of the bus or the whole robot: `SizingReport.bus` and `.arm_criteria`.
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from typing import NamedTuple
 
 import numpy as np
 
@@ -10,8 +11,8 @@ from pinfric.drives.criterion import Criterion, compare
 from pinfric.model.brakes import HoldingBrake
 from pinfric.model.described import EFFORT, PLACE, described, quantity
 from pinfric.motions.summary import effort_unit
-from pinfric.stops.machines import UNLIMITED, MachineKind
-from pinfric.stops.search import StopCase, Stopped, StopSearch
+from pinfric.stops.machines import UNLIMITED, MachineKind, Machines
+from pinfric.stops.search import StopCase, StopCycle, Stopped, StopSearch
 
 #: A joint beyond its limit by less than this (rad or m) is still at it, to rounding.
 _TOUCHES = 1e-6
@@ -54,17 +55,77 @@ class StopGrid:
     travel: Mapping[str, float] = quantity("distance from the command", PLACE, "travel at\n{} %")
 
 
+class Nearest(NamedTuple):
+    """Where a stop takes a joint nearest to a limit, or farthest past one.
+
+    Attributes:
+        sample, speed: as of `StopCase`. command: s, in the cycle. load: share of the full payload.
+        side: 0 of the lower limit, 1 of the upper.
+        beyond: way past it, rad or m; negative: what is left.
+    """
+
+    sample: int
+    speed: float
+    command: float
+    load: float
+    side: int
+    beyond: float
+
+
+class Figures(NamedTuple):
+    """What the criteria of one drive's joint compare.
+
+    Attributes:
+        peak: that the gear must bear in stops, N m or N; None: not known. braking: the same under
+            power. energy: that the brake must take, J. nearest: None: the joint has no limit.
+        peaks_of, energy_of, place_of: formula and source of each, in words.
+    """
+
+    peak: float | None
+    braking: float | None
+    energy: float
+    nearest: Nearest | None
+    peaks_of: tuple[str, str]
+    energy_of: tuple[str, str]
+    place_of: tuple[str, str]
+
+
+def simulated(search: StopSearch, drive: int) -> Figures:
+    """Return the figures of the worst stops that were simulated."""
+    stops = list(search.found.values())
+    energy, peak, braking = (
+        max(float(getattr(s, x)[drive]) for s in stops) for x in ("energy", "peak", "braking")
+    )
+    nearest = None
+    if search.limited[drive]:
+        worst = search.nearest(drive)
+        side = int(np.argmax(worst.beyond[drive]))
+        case, beyond = worst.case, float(worst.beyond[drive, side])
+        nearest = Nearest(case.sample, case.speed, worst.command, case.kind.load, side, beyond)
+    return Figures(
+        peak,
+        braking,
+        energy,
+        nearest,
+        (
+            "max |effort| in a stop",
+            "simulated stops, friction and brake at their greatest, a rigid gear",
+        ),
+        ("max int T_b |omega| dt", "simulated stops, friction and brake at their least"),
+        ("way in a stop towards the limit", "simulated stops; the URDF's limit"),
+    )
+
+
 def axis_stop(search: StopSearch, drive: int) -> AxisStop:
     """Return the worst of one drive's joint."""
-    scene = search.machines.scene
-    stops = list(search.found.values())
+    scene, stops = search.machines.scene, list(search.found.values())
     longest, worst = search.longest(drive), search.farthest(drive)
     sags = [stop.sag[drive] for stop in stops if np.isfinite(stop.sag[drive])]
     gear = scene.drives[drive].transmission
-    brake = None if gear is None else gear.brake
-    energy = max(float(stop.energy[drive]) for stop in stops)
-    peak, braking = (max(float(getattr(s, x)[drive]) for s in stops) for x in ("peak", "braking"))
     powered = search.machines.settings.category == 1
+    figures = simulated(search, drive)
+    by_measure = axis_criteria(search.machines, search.cycle, drive, figures)
+    assert figures.peak is not None
     return AxisStop(
         name=scene.drives[drive].name,
         unit=effort_unit(scene, drive),
@@ -74,14 +135,10 @@ def axis_stop(search: StopSearch, drive: int) -> AxisStop:
         command=worst.command,
         load=load_name(worst.case.kind.load),
         sag=float(max(sags)) + 0.0 if sags else None,
-        peak=peak,
-        braking=braking if powered else None,
-        energy=None if brake is None else energy,
-        criteria=(
-            *_of_brake(search, drive, brake, energy),
-            *_of_effort(search, drive, peak, braking),
-            *_of_place(search, drive),
-        ),
+        peak=figures.peak,
+        braking=figures.braking if powered else None,
+        energy=None if gear is None or gear.brake is None else figures.energy,
+        criteria=tuple(c for own in by_measure.values() for c in own),
     )
 
 
@@ -123,16 +180,35 @@ def load_name(load: float) -> str:
     return "nothing" if load == 0.0 else "full load" if load == 1.0 else f"{100 * load:.0f} %"
 
 
+def not_met(name: str, criterion: Criterion) -> str:
+    """Return the line of a criterion that a drive does not meet."""
+    note = criterion.note
+    return f"{name}: {criterion.why}" + (f"; {note}" if note not in criterion.why else "")
+
+
+def axis_criteria(
+    machines: Machines, cycle: StopCycle, drive: int, figures: Figures
+) -> dict[str, tuple[Criterion, ...]]:
+    """Return the criteria of one drive's joint, by what they compare (a field of `Stopped`)."""
+    gear = machines.scene.drives[drive].transmission
+    brake = None if gear is None else gear.brake
+    return {
+        "hold": tuple(_of_brake(machines, cycle, drive, brake)),
+        "energy": tuple(_of_energy(brake, machines.settings.per_hour, figures)),
+        "peak": tuple(_of_effort(machines, drive, figures)),
+        "beyond": tuple(_of_place(machines, cycle, drive, figures)),
+    }
+
+
 def _of_brake(
-    search: StopSearch, drive: int, brake: HoldingBrake | None, energy: float
+    machines: Machines, cycle: StopCycle, drive: int, brake: HoldingBrake | None
 ) -> Iterator[Criterion]:
     if brake is None:
         return
-    ratio = abs(search.machines.scene.drives[drive].ratio)
-    holds = np.abs(np.concatenate(list(search.cycle.hold.values())))
+    ratio = abs(machines.scene.drives[drive].ratio)
+    holds = np.abs(np.concatenate(list(cycle.hold.values())))
     load = float(holds[:, drive].max()) / ratio
     load = load if load > _ROUNDING * holds.max() else 0.0
-    per_hour = search.machines.settings.per_hour
     yield compare(
         "brake torque",
         load,
@@ -141,13 +217,21 @@ def _of_brake(
         "max |load at rest|/|ratio| <= least torque of the brake",
         "statics: friction does not push, and need not help",
     )
+
+
+def _of_energy(
+    brake: HoldingBrake | None, per_hour: float | None, figures: Figures
+) -> Iterator[Criterion]:
+    if brake is None:
+        return
+    formula, source = figures.energy_of
     yield compare(
         "brake energy of a stop",
-        energy,
+        figures.energy,
         brake.stop_energy,
         "J",
-        "max int T_b |omega| dt <= permissible energy of one stop",
-        "simulated stops, friction and brake at their least",
+        f"{formula} <= permissible energy of one stop",
+        source,
         "stop_energy of the brake",
     )
     missing = "stops.per_hour" if per_hour is None else "stops_per_hour of the brake"
@@ -162,24 +246,24 @@ def _of_brake(
     )
 
 
-def _of_effort(search: StopSearch, drive: int, peak: float, braking: float) -> Iterator[Criterion]:
+def _of_effort(machines: Machines, drive: int, figures: Figures) -> Iterator[Criterion]:
     """What the gear may bear for a moment, and what a stated deceleration may take, by the URDF."""
-    machines, scene = search.machines, search.machines.scene
+    scene, (formula, source) = machines.scene, figures.peaks_of
     gear, unit = scene.drives[drive].transmission, effort_unit(scene, drive)
     yield compare(
         "gear momentary peak torque",
-        peak,
+        figures.peak,
         None if gear is None else gear.momentary_peak,
         unit,
-        "max |effort| in a stop <= limit for momentary peak torque",
-        "simulated stops, friction and brake at their greatest, a rigid gear",
+        f"{formula} <= limit for momentary peak torque",
+        source,
         "momentary_peak of the transmission",
     )
     if machines.deceleration is not None:
         limit = float(scene.model.effortLimit[scene.drives[drive].velocity_index])
         yield compare(
             "effort of braking",
-            braking,
+            figures.braking,
             limit if 0.0 < limit < UNLIMITED else None,
             unit,
             "max |effort| at the deceleration, until power goes off <= effort limit",
@@ -188,22 +272,22 @@ def _of_effort(search: StopSearch, drive: int, peak: float, braking: float) -> I
         )
 
 
-def _of_place(search: StopSearch, drive: int) -> Iterator[Criterion]:
-    if not search.limited[drive]:
+def _of_place(
+    machines: Machines, cycle: StopCycle, drive: int, figures: Figures
+) -> Iterator[Criterion]:
+    worst, (formula, source) = figures.nearest, figures.place_of
+    if worst is None:
         return
-    cycle, worst = search.cycle, search.nearest(drive)
-    side = int(np.argmax(worst.beyond[drive]))
-    beyond, limit = float(worst.beyond[drive, side]), float(cycle.limits[drive, side])
-    sample = worst.case.sample
-    way = cycle.before(sample, worst.case.speed)[1][drive]
-    place = float(cycle.trajectory.q[sample, cycle.place[drive]] - way)
+    side, beyond, limit = worst.side, worst.beyond, float(cycle.limits[drive, worst.side])
+    way = cycle.before(worst.sample, worst.speed)[1][drive]
+    place = float(cycle.trajectory.q[worst.sample, cycle.place[drive]] - way)
     room = (limit - place) * (1 if side else -1)
-    unit = "m" if effort_unit(search.machines.scene, drive) == "N" else "rad"
+    unit = "m" if effort_unit(machines.scene, drive) == "N" else "rad"
     passes = f" by {beyond:.3g} {unit}" if beyond > _TOUCHES else ""
     note = (
         f"{'passes' if passes else 'nearest to'} its {'upper' if side else 'lower'} limit of "
-        f"{limit:.4g} {unit}{passes}, commanded at {worst.command:.3g} s (sample {sample}), "
-        f"carrying {load_name(worst.case.kind.load)}"
+        f"{limit:.4g} {unit}{passes}, commanded at {worst.command:.3g} s (sample {worst.sample}), "
+        f"carrying {load_name(worst.load)}"
     )
     need = max(room + beyond, 0.0) if passes else min(max(room + beyond, 0.0), room)
     yield compare(
@@ -211,7 +295,7 @@ def _of_place(search: StopSearch, drive: int) -> Iterator[Criterion]:
         need,
         room,
         unit,
-        "way in a stop towards the limit <= distance to it at the command",
-        "simulated stops; the URDF's limit",
+        f"{formula} <= distance to it at the command",
+        source,
         note=note,
     )

@@ -187,6 +187,17 @@ def _check_unbraked(still: InverseResult, carries: str, products: Mapping[str, s
             )
 
 
+class Measured(NamedTuple):
+    """Of which drives a search seeks the worst peak of the gear, energy of the brake, and place.
+
+    Attributes: (na,) bool each.
+    """
+
+    peak: np.ndarray
+    energy: np.ndarray
+    beyond: np.ndarray
+
+
 @dataclass(frozen=True, eq=False)
 class StopSearch:
     """Stops of a cycle, each simulated once.
@@ -194,12 +205,14 @@ class StopSearch:
     Attributes:
         found: those simulated.
         progress: called after each with its number and an estimate of all.
+        measured: None: all, and times and ways.
     """
 
     machines: Machines
     cycle: StopCycle
     progress: Callable[[int, int], None]
     found: dict[StopCase, Stopped] = field(default_factory=dict)
+    measured: Measured | None = None
 
     def stop(self, case: StopCase) -> Stopped:
         """Return one stop."""
@@ -229,8 +242,12 @@ class StopSearch:
     @property
     def kinds(self) -> tuple[MachineKind, ...]:
         """The machines at full speed: least and greatest friction, without load and with all."""
-        loads = (0.0, 1.0) if self.machines.full else (0.0,)
-        return tuple(MachineKind(greatest, load) for greatest in (False, True) for load in loads)
+        loads, sought = (0.0, 1.0) if self.machines.full else (0.0,), self.measured
+        frictions = [False, True]
+        if sought is not None:  # energies and places are worst with the least, peaks with the most
+            least = bool((sought.energy | sought.beyond).any())
+            frictions = [False] * least + [True] * bool(sought.peak.any())
+        return tuple(MachineKind(greatest, load) for greatest in frictions for load in loads)
 
     def run(self) -> None:
         """Simulate the candidates, then refine the highest local maxima of each measure."""
@@ -256,9 +273,16 @@ class StopSearch:
 
     def measures(self) -> Iterator[Callable[[Stopped], float]]:
         """Yield what is to be largest: time and path, of each axis time, way and place."""
-        powered = self.machines.settings.category == 1
-        for d in range(len(self.machines.scene.drives)):
-            for name in ("rest", "travel", "peak", *["braking"] * powered, "energy"):
+        powered, sought = self.machines.settings.category == 1, self.measured
+        count, peaks = len(self.machines.scene.drives), ("peak", *["braking"] * powered)
+        if sought is not None:
+            for d in range(count):
+                yield from (figure_of(name, d) for name in peaks if sought.peak[d])
+                yield from [figure_of("energy", d)] * bool(sought.energy[d])
+                yield from [beyond_of(d)] * bool(sought.beyond[d])
+            return
+        for d in range(count):
+            for name in ("rest", "travel", *peaks, "energy"):
                 yield figure_of(name, d)
         for d in np.flatnonzero(self.limited).tolist():
             margin = -beyond_of(d)(self.nearest(d))

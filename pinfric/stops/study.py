@@ -21,7 +21,7 @@ from pinfric.model.scene import Scene, expect_scene
 from pinfric.model.schema import Stops
 from pinfric.model.upward import Shown
 from pinfric.motions.trajectory import Trajectory
-from pinfric.stops.axes import AxisStop, StopGrid, axis_stop, stop_grid
+from pinfric.stops.axes import AxisStop, StopGrid, axis_stop, not_met, stop_grid
 from pinfric.stops.machines import Machines, check_brakes, full_load, stop_settings
 from pinfric.stops.motion import StopMotion
 from pinfric.stops.search import StopCycle, Stopped, StopSearch
@@ -91,12 +91,7 @@ class StopResult(Shown):
     @property
     def unmet(self) -> tuple[str, ...]:
         """A line for each criterion that is not met."""
-        return tuple(
-            f"{axis.name}: {c.why}" + (f"; {c.note}" if c.note not in c.why else "")
-            for axis in self.axes
-            for c in axis.criteria
-            if c.fails
-        )
+        return tuple(not_met(axis.name, c) for axis in self.axes for c in axis.criteria if c.fails)
 
     @cached_property
     def notes(self) -> tuple[str, ...]:
@@ -185,6 +180,12 @@ def stops_of(
     progress: Callable[[int, int], None] | None = None,
 ) -> StopResult:
     """Return the worst stops of a cycle as `stop` does, and raise what it raises."""
+    cycle = checked_cycle(machines, trajectory)
+    return result_of(StopSearch(machines, cycle, progress or (lambda done, total: None)))
+
+
+def checked_cycle(machines: Machines, trajectory: Trajectory) -> StopCycle:
+    """Return a cycle as stops need it, and raise what `stop` raises before it simulates."""
     scene, settings = machines.scene, machines.settings
     check_brakes(scene)
     if trajectory.duration < settings.reaction_time:
@@ -193,11 +194,15 @@ def stops_of(
             f"{settings.reaction_time:g} s of {scene.source}: the robot's motion after the command "
             "is not known; give a longer trajectory"
         )
-    cycle = StopCycle.of(machines, trajectory)
-    search = StopSearch(machines, cycle, progress or (lambda done, total: None))
+    return StopCycle.of(machines, trajectory)
+
+
+def result_of(search: StopSearch) -> StopResult:
+    """Return the worst stops of a search that measures all."""
     search.run()
-    grid = [row for d in range(len(scene.drives)) for row in stop_grid(search, d, SHARES)]
-    return StopResult(scene, trajectory, settings, search, tuple(grid))
+    machines, trajectory = search.machines, search.cycle.trajectory
+    grid = [row for d in range(len(machines.scene.drives)) for row in stop_grid(search, d, SHARES)]
+    return StopResult(machines.scene, trajectory, machines.settings, search, tuple(grid))
 
 
 def _notes(result: StopResult) -> list[str]:

@@ -10,6 +10,7 @@ from typing import Any
 
 from pinfric.drives.criterion import Criterion, Status
 from pinfric.drives.policy import Conditions
+from pinfric.errors import StopError
 from pinfric.show.figure.panel import svg
 from pinfric.show.pages.page import NO_FIGURE, figure, formula, page
 from pinfric.show.pages.sizing_figures import (
@@ -49,6 +50,7 @@ from pinfric.show.report.sizing import (
     verdict,
 )
 from pinfric.show.report.stop import axes_table
+from pinfric.show.report.stop import verdict as verdict_of_stops
 from pinfric.show.report.tables import Table
 from pinfric.show.report.values import percentage
 from pinfric.sizing.report import JointSizing, SizingReport
@@ -60,6 +62,7 @@ from pinfric.sizing.summary import (
     margins,
     sizing_summary,
 )
+from pinfric.stops.study import stop_summary
 
 #: Margins below are called tight.
 _TIGHT = 0.1
@@ -86,6 +89,7 @@ def sizing_page(report: SizingReport, command: str = "", inputs: Iterable[str | 
         CriterionMargins(row.criterion, {short[name]: c for name, c in row.joints.items()})
         for row in margins(summary)
     ]
+    stops, said_of_stops = _stops(report)
     return page(
         "sizing",
         report.scene.actuator_names,
@@ -130,8 +134,8 @@ def sizing_page(report: SizingReport, command: str = "", inputs: Iterable[str | 
         bus_figures=bus_table(report),
         bus=bus_lines(report),
         brakes=brake_table(summary),
-        stop_lines=stop_lines(summary),
-        stops=None if summary.stops is None else axes_table(summary.stops, ""),
+        stop_lines=[*stop_lines(summary, written=True), *said_of_stops],
+        stops=stops,
         elastic=elastic_lines(report),
         # What stands behind it
         unchecked=unchecked_table(summary, title=""),
@@ -142,6 +146,18 @@ def sizing_page(report: SizingReport, command: str = "", inputs: Iterable[str | 
         lighter=lighter_table(summary),
         ask=ask_table(summary, _ASKED),
     )
+
+
+def _stops(report: SizingReport) -> tuple[Table | None, list[str]]:
+    """The table of all stops, which are simulated for it, and what they come to."""
+    try:
+        result = report.stops
+    except StopError as problem:
+        return None, [f"times and ways are not known: {problem}"]
+    if result is None:
+        return None, []
+    found = stop_summary(result)
+    return axes_table(found, ""), [verdict_of_stops(found)]
 
 
 def _demanded(report: SizingReport) -> str:

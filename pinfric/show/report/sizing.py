@@ -33,8 +33,7 @@ from pinfric.show.report.drives import (
 )
 from pinfric.show.report.elastic import frequency_lines
 from pinfric.show.report.rows import table_of
-from pinfric.show.report.stop import axes_table, how
-from pinfric.show.report.stop import verdict as said
+from pinfric.show.report.stop import how
 from pinfric.show.report.tables import Report, Table, paragraphs
 from pinfric.show.report.values import digits
 from pinfric.sizing.report import SizingReport
@@ -84,8 +83,7 @@ def sizing_report(report: SizingReport, verbose: bool = True, written: bool = Fa
         product_lines(summary),
         ask_table(summary),
         brake_table(summary),
-        stop_lines(summary),
-        None if summary.stops is None else axes_table(summary.stops),
+        stop_lines(summary, written),
         currents_table(summary),
         bus_table(report),
         bus_lines(report),
@@ -119,7 +117,7 @@ def _short(
             *brake_line(summary),
             *amplifier_lines(summary),
             *bus_lines(report)[:1],
-            *stop_lines(summary),
+            *stop_lines(summary, written),
         ],
         [*first, last],
     )
@@ -165,9 +163,16 @@ def rating_lines(summary: SizingSummary) -> list[str]:
     return lines
 
 
-def stop_lines(summary: SizingSummary) -> list[str]:
-    """Return how the robot with its drives and brakes stops, in a line; none without `stops`."""
-    return [] if summary.stops is None else [f"stops, {how(summary.stops)}: {said(summary.stops)}"]
+def stop_lines(summary: SizingSummary, written: bool = False) -> list[str]:
+    """Return whether the robot with its drives and brakes stops well; none without `stops`."""
+    stops = summary.stops
+    if stops is None:
+        return []
+    unmet = counted(len(stops.unmet), "criterion", "criteria")
+    met = f"{unmet} not met" if stops.unmet else "no criterion fails"
+    by = f"{counted(stops.simulated, 'stop')} simulated" if stops.simulated else "by algebra alone"
+    line = f"stops, {how(stops)}: {met}, {stops.not_checked} of {stops.criteria} not checked, {by}"
+    return [line if written else f"{line}; times and ways: the page (--out FOLDER)"]
 
 
 def elastic_lines(report: SizingReport) -> list[str]:

@@ -8,6 +8,7 @@ from pinfric.model.brief import counted
 from pinfric.show.report.rows import table_of
 from pinfric.show.report.tables import Report, Table, paragraphs
 from pinfric.show.report.values import digits
+from pinfric.stops.screen import StopScreen
 from pinfric.stops.study import StopSummary
 
 
@@ -62,7 +63,7 @@ def not_checked(summary: StopSummary) -> list[str]:
     return [f"not checked: {name} of {', '.join(of)}: {why}" for (name, why), of in axes.items()]
 
 
-def how(summary: StopSummary) -> str:
+def how(summary: StopSummary | StopScreen) -> str:
     """Return how the robot was stopped."""
     least, greatest = summary.friction
     friction = "" if least == greatest == 1.0 else f", friction x {least:g} to {greatest:g}"
