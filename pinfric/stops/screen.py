@@ -1,7 +1,8 @@
 """What of stops algebra settles, so that a choice of drives simulates only what it leaves open.
 
     gear      1.3 times its peak in stops of all joints (`stops.peaks`) <= its limit
-    energy    max kinetic energy with rotors + sum_j max|load of j at rest| way_j <= stop_energy
+    energy    the lesser of |r_j| T_b way_j, which the brake takes on its way, and of all there is,
+              max kinetic energy with rotors + sum_k max|load of k at rest| way_k <= stop_energy
     place     no limit within way_j of any place of the cycle,    way_j = 2.2 times the estimate
 
 Simulated peaks are 0.68 to 1.15 of those by algebra, once 1.32; simulated ways at most 2.18 of the
@@ -103,7 +104,10 @@ def screened_stops(
     cycle, drives = checked_cycle(machines, trajectory), machines.scene.drives
     bounds = zip(*_bounds(machines, cycle), strict=True)
     told = np.full(len(drives), np.nan) if peaks is None else peaks
-    figures = [_by_algebra(float(told[d]), *bound) for d, bound in enumerate(bounds)]
+    figures = [
+        _by_algebra(float(told[d]), float(energy), nearest)
+        for d, (energy, nearest) in enumerate(bounds)
+    ]
     judged = [axis_criteria(machines, cycle, d, own) for d, own in enumerate(figures)]
     is_open = {
         name: np.array([any(c.fails for c in own[name]) for own in judged])
@@ -135,9 +139,8 @@ def _by_algebra(peak: float, energy: float, nearest: Nearest | None) -> Figures:
             "algebra (`stops.peaks`), friction and brake at their greatest, a rigid gear",
         ),
         (
-            "max kinetic energy + sum of max |load at rest| x way",
-            f"a bound: all that the robot has, and what gravity adds on {WAY_RESERVE:g} x the "
-            "estimated way",
+            "min(|r| T_b way, max kinetic energy + sum of max |load at rest| way)",
+            f"algebra, on {WAY_RESERVE:g} x the estimated way",
         ),
         (f"{WAY_RESERVE:g} x the estimated way", "estimate (`stops.search`); the URDF's limit"),
     )
@@ -151,7 +154,7 @@ def _bounds(machines: Machines, cycle: StopCycle) -> tuple[np.ndarray, list[Near
     rotor = [0.0 if gear is None else gear.rotor_inertia for gear in gears]
     heavy = rotor * np.array([drive.ratio for drive in scene.drives]) ** 2
     moves = np.flatnonzero(trajectory.v.any(axis=1))
-    most, nearest = 0.0, list[Nearest | None]([None] * count)
+    energy, nearest = np.zeros(count), list[Nearest | None]([None] * count)
     for load in (0.0, 1.0) if machines.full else (0.0,):
         kind = MachineKind(False, load)
         way = WAY_RESERVE * estimates(machines, cycle, kind)[1]
@@ -159,7 +162,9 @@ def _bounds(machines: Machines, cycle: StopCycle) -> tuple[np.ndarray, list[Near
         M = mass_matrices(scene.twin(machines.of(kind).carried), trajectory.q[moves])
         kinetic = 0.5 * (np.einsum("ti,tij,tj->t", v, M, v) + rate**2 @ heavy)
         added = np.abs(cycle.hold[load > 0.0]).max(axis=0) @ way.max(axis=0)
-        most = max(most, float(kinetic.max(initial=0.0)) + float(added))
+        brake = [machines.of(kind).torque.get(drive.name, 0.0) for drive in scene.drives]
+        taken = brake * np.abs([drive.ratio for drive in scene.drives]) * way.max(axis=0)
+        energy = np.maximum(energy, np.minimum(taken, kinetic.max(initial=0.0) + added))
         reach = np.stack([past(cycle.limits, q - way)[..., 0], past(cycle.limits, q + way)[..., 1]])
         for d in np.flatnonzero(np.isfinite(cycle.limits).any(axis=1)).tolist():
             side, sample = divmod(int(np.argmax(reach[..., d])), len(q))
@@ -167,4 +172,4 @@ def _bounds(machines: Machines, cycle: StopCycle) -> tuple[np.ndarray, list[Near
             if before is None or beyond > before.beyond:
                 command = cycle.before(sample, 1.0)[0]
                 nearest[d] = Nearest(sample, 1.0, command, load, side, beyond)
-    return np.full(count, most), nearest
+    return energy, nearest
