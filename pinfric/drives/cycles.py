@@ -18,17 +18,16 @@ from pinfric.drives.criterion import STEPS, Status
 from pinfric.drives.demand import average_effort
 from pinfric.drives.drivetrain import Candidate, amplifier_torque
 from pinfric.drives.limit import (
-from pinfric.drives.reading import read_drive
     Candidates,
     Figures,
     JointCase,
     Limit,
     idle,
     number,
-    read_drive,
 )
 from pinfric.drives.limits import LIMITS, OWN_LIMITS
 from pinfric.drives.overload import heat_lag, longest_run, settled_root
+from pinfric.drives.reading import read_drive
 from pinfric.drives.policy import Conditions
 from pinfric.drives.thermal import COPPER, mean_temperature, winding_rises
 from pinfric.kernels.compiled import kernel

@@ -578,7 +578,7 @@ GEAR_LIMITS = [
     Limit(SHOCK, _collision, "gear.momentary_peak_torque", "effort",
           "collision or emergency stop <= limit for momentary peak torque", _HARMONIC,
           _shock_missing, _shock_note, stage="gear", applies=_shocked,
-          condition=lambda d: "brake_factor" if _by_stop(d) else "collision_effort"),
+          condition=lambda d: "stop_factor" if _by_stop(d) else "collision_effort"),
     Limit("gear momentary peaks",
           lambda d: np.nan if d.conditions.collisions is None else d.conditions.collisions.count,
           _momentary_peaks, "",

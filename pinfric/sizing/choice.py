@@ -37,7 +37,7 @@ from pinfric.sizing.task import Task
 from pinfric.sizing.together import together
 from pinfric.stops.machines import Machines, full_load, stop_settings
 from pinfric.stops.peaks import braking, cycle_peaks
-from pinfric.stops.screen import PEAK_RESERVE, ScreenedStops, screened_stops
+from pinfric.stops.screen import ScreenedStops, screened_stops
 
 #: How often a joint may leave a drive before one is banned; and rounds that no choice needs.
 _FREE, _MOST_ROUNDS = 3, 200
@@ -162,8 +162,8 @@ def peaks(task: Task, memory: Memory, choice: Choice) -> Choice:
     """What all gears must bear in stops, by algebra.
 
     Only the peaks of the last choice count, so that the result depends on no earlier one; where
-    choices come back, the largest of all. Where no simulation of the stops follows, gears must bear
-    1.3 times the peaks. A rating alone demands no stops unless the scene has `stops`.
+    choices come back, the largest of all. Gears must bear `stop_factor` times the peaks, whether a
+    simulation follows or not. A rating alone demands no stops unless the scene has `stops`.
     """
     taken, products, scene = choice.taken, choice.products, task.scene
     only_rated = task.rating is not None and not task.rating.cycles
@@ -173,8 +173,7 @@ def peaks(task: Task, memory: Memory, choice: Choice) -> Choice:
     if found is None or np.isnan(found[0]).any():
         return choice
     most, powered = found
-    fit = len(taken) == len(scene.drives) and all(a.fits for a in taken.values())
-    factor = 1.0 if task.stops_once and fit else PEAK_RESERVE
+    factor = task.conditions.stop_factor
     efforts = {i: max(factor * float(most[i]), choice.least.get(i, 0.0)) for i in taken}
     if products in choice.seen:
         efforts |= {i: max(x, efforts[i]) for i, x in choice.efforts.items() if i in efforts}
@@ -185,7 +184,7 @@ def peaks(task: Task, memory: Memory, choice: Choice) -> Choice:
     return replace(
         choice,
         efforts=efforts,
-        note=f"{factor:g} x " * (factor > 1.0) + "the peak in stops of all joints",
+        note=f"{factor:g} x the peak in stops of all joints",
         borne=products,
         seen=choice.seen | {products},
         braking=braked,
@@ -218,11 +217,12 @@ def _anew(choice: Choice) -> Choice:
 
 
 def stops(task: Task, memory: Memory, choice: Choice) -> Choice:
-    """What gears must bear in simulated stops that overload them: 1.02 times their peaks."""
+    """What gears must bear in simulated stops that overload them: 1.02 times what is demanded."""
     found = simulated_stops(task, memory, choice)[0]
     if found is None or choice.simulated == _STOPPED_AGAIN:
         return choice
-    short = _overloaded(found.peaks, choice.taken)
+    factor = task.conditions.stop_factor
+    short = _overloaded({i: factor * peak for i, peak in found.peaks.items()}, choice.taken)
     if not short:
         return choice
     least = {**choice.least, **{i: _STOP_RESERVE * peak for i, peak in short.items()}}
@@ -275,12 +275,12 @@ def settle(
 def open_stops(task: Task, memory: Memory, choice: Choice) -> dict[int, float]:
     """Return what gears would bear in stops that the choice does not use, by column.
 
-    Of a rating alone, 1.3 times the peak by algebra; NaN where no algebra tells it.
+    Of a rating alone, `stop_factor` times the peak by algebra; NaN where no algebra tells it.
     """
     found = _stop_peaks(task, memory, choice)
     if found is None or choice.borne == choice.products:
         return {}
-    return {i: PEAK_RESERVE * float(found[0][i]) for i in choice.taken}
+    return {i: task.conditions.stop_factor * float(found[0][i]) for i in choice.taken}
 
 
 def _overloaded(peaks: Mapping[int, float], taken: Mapping[int, Assessment]) -> dict[int, float]:
@@ -374,6 +374,7 @@ def _simulated(
     motion: Trajectory = task.one_cycle(scene, task.robot)
     products = {scene.drives[i].name: drive.name for i, drive in chosen.items()}
     load, settings = full_load(scene, motion), stop_settings(scene, None)
+    reserve = task.conditions.stop_factor
 
     began = monotonic()
 
@@ -383,7 +384,7 @@ def _simulated(
         task.progress(f"stops of the chosen drives: {count}")
 
     try:
-        machines = Machines(scene, settings, load, products)
+        machines = Machines(scene, settings, load, products, reserve)
         return screened_stops(machines, motion, peaks, tell), ""
     except StopError as problem:
         return None, str(problem)

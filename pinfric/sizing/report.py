@@ -42,10 +42,7 @@ _ENOUGH = 12
 _OF_ROBOT = ("lowest_frequency", "tool_sag", "tool_interval", "tool_reversal")
 #: Of a rating alone, what its gear would bear in a stop, and what to do where it does not.
 _OPEN_STOP = f"stop: {SHOCK}"
-_OPEN_RULE = (
-    "1.3 x the peak in stops of all joints <= limit for momentary peak torque",
-    "algebra (`stops.peaks`), all brakes closing at once",
-)
+_OPEN_SOURCE = "algebra (`stops.peaks`), all brakes closing at once"
 _DEMAND_STOPS = "give a cycle beside it, or `stops`"
 _UNKNOWN_STOP = "drives do not determine the motion, so no algebra tells it: give `stops`"
 
@@ -489,17 +486,19 @@ def _open_stop(report: SizingReport, k: int) -> list[Criterion]:
     if taken is None or k not in report.open_stops:
         return []
     bears, peak = momentary_peak(taken), report.open_stops[k]
+    factor = report.conditions.stop_factor
+    formula = f"{factor:g} x the peak in stops of all joints <= limit for momentary peak torque"
     if np.isnan(peak):
-        judged = Criterion(
-            _OPEN_STOP, Status.FAILS, None, None, "", None, *_OPEN_RULE, _UNKNOWN_STOP
-        )
+        figures = None, None, "", None, formula, _OPEN_SOURCE, _UNKNOWN_STOP
+        judged = Criterion(_OPEN_STOP, Status.FAILS, *figures)
         return [judged] * (report.screened is None)
     judged = compare(
         _OPEN_STOP,
         peak,
         None if np.isnan(bears) else bears,
         report.joints[k].demand.unit,
-        *_OPEN_RULE,
+        formula,
+        _OPEN_SOURCE,
         "momentary_peak_torque of the gear",
     )
     fails = judged.fails

@@ -76,13 +76,15 @@ class Figures(NamedTuple):
     """What the criteria of one drive's joint compare.
 
     Attributes:
-        peak: that the gear must bear in stops, N m or N; None: not known. braking: the same under
-            power. energy: that the brake must take, J. nearest: None: the joint has no limit.
+        peak: of the gear in stops, N m or N. reserve: factor on it that a gear must bear.
+        braking: effort under power, N m or N. energy: that the brake must take, J.
+        nearest: None: the joint has no limit.
         peaks_of, energy_of, place_of: formula and source of each, in words.
     """
 
-    peak: float | None
-    braking: float | None
+    peak: float
+    reserve: float
+    braking: float
     energy: float
     nearest: Nearest | None
     peaks_of: tuple[str, str]
@@ -104,6 +106,7 @@ def simulated(search: StopSearch, drive: int) -> Figures:
         nearest = Nearest(case.sample, case.speed, worst.command, case.kind.load, side, beyond)
     return Figures(
         peak,
+        search.machines.reserve,
         braking,
         energy,
         nearest,
@@ -125,7 +128,6 @@ def axis_stop(search: StopSearch, drive: int) -> AxisStop:
     powered = search.machines.settings.category == 1
     figures = simulated(search, drive)
     by_measure = axis_criteria(search.machines, search.cycle, drive, figures)
-    assert figures.peak is not None
     return AxisStop(
         name=scene.drives[drive].name,
         unit=effort_unit(scene, drive),
@@ -252,10 +254,10 @@ def _of_effort(machines: Machines, drive: int, figures: Figures) -> Iterator[Cri
     gear, unit = scene.drives[drive].transmission, effort_unit(scene, drive)
     yield compare(
         "gear momentary peak torque",
-        figures.peak,
+        figures.reserve * figures.peak,
         None if gear is None else gear.momentary_peak,
         unit,
-        f"{formula} <= limit for momentary peak torque",
+        f"{figures.reserve:g} {formula} <= limit for momentary peak torque",
         source,
         "momentary_peak of the transmission",
     )

@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from pinfric.drives.policy import STOP_FACTOR
 from pinfric.errors import StopError, choose_from
 from pinfric.model.scene import Scene
 from pinfric.model.schema import Stops
@@ -39,12 +40,14 @@ class Machines:
         settings: how it is stopped.
         full: names of the payloads that make the full load.
         products: drive -> what was chosen for it; the scene's own drives have none.
+        reserve: factor on the peaks that gears must bear.
     """
 
     scene: Scene
     settings: Stops
     full: tuple[str, ...]
     products: Mapping[str, str] = field(default_factory=dict)
+    reserve: float = STOP_FACTOR
     _made: dict[MachineKind, BrakedMachine] = field(default_factory=dict)
 
     def __post_init__(self) -> None:

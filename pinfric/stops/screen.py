@@ -1,6 +1,6 @@
 """What of stops algebra settles, so that a choice of drives simulates only what it leaves open.
 
-    gear      1.3 times its peak in stops of all joints (`stops.peaks`) <= its limit
+    gear      `stop_factor`, at least 1.3, times its peak by algebra (`stops.peaks`) <= its limit
     energy    the lesser of |r_j| T_b way_j, which the brake takes on its way, and of all there is,
               max kinetic energy with rotors + sum_k max|load of k at rest| way_k <= stop_energy
     place     no limit within way_j of any place of the cycle,    way_j = 2.2 times the estimate
@@ -19,6 +19,7 @@ from functools import cached_property
 import numpy as np
 
 from pinfric.drives.criterion import Criterion
+from pinfric.drives.policy import STOP_FACTOR
 from pinfric.model.described import described, quantity
 from pinfric.model.mass_matrix import mass_matrices
 from pinfric.motions.trajectory import Trajectory
@@ -27,8 +28,8 @@ from pinfric.stops.machines import MachineKind, Machines
 from pinfric.stops.search import Measured, StopCycle, StopSearch, estimates, past
 from pinfric.stops.study import StopResult, checked_cycle, result_of
 
-#: Reserve on what algebra says of gears' peaks, and on estimated ways.
-PEAK_RESERVE, WAY_RESERVE = 1.3, 2.2
+#: Reserve on estimated ways.
+WAY_RESERVE = 2.2
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,7 +106,7 @@ def screened_stops(
     bounds = zip(*_bounds(machines, cycle), strict=True)
     told = np.full(len(drives), np.nan) if peaks is None else peaks
     figures = [
-        _by_algebra(float(told[d]), float(energy), nearest)
+        _by_algebra(machines, float(told[d]), float(energy), nearest)
         for d, (energy, nearest) in enumerate(bounds)
     ]
     judged = [axis_criteria(machines, cycle, d, own) for d, own in enumerate(figures)]
@@ -123,19 +124,22 @@ def screened_stops(
     return ScreenedStops(
         search,
         tuple(tuple(c for rows in own.values() for c in rows) for own in judged),
-        {d: own.peak for d, own in shown.items() if is_open["peak"][d] and own.peak is not None},
+        {d: own.peak for d, own in shown.items() if is_open["peak"][d]},
     )
 
 
-def _by_algebra(peak: float, energy: float, nearest: Nearest | None) -> Figures:
-    most = PEAK_RESERVE * peak if np.isfinite(peak) else np.inf
+def _by_algebra(
+    machines: Machines, peak: float, energy: float, nearest: Nearest | None
+) -> Figures:
+    reserve, most = max(machines.reserve, STOP_FACTOR), peak if np.isfinite(peak) else np.inf
     return Figures(
         most,
-        most,
+        reserve,
+        reserve * most,
         energy,
         nearest,
         (
-            f"{PEAK_RESERVE:g} x the peak in stops of all joints",
+            "x the peak in stops of all joints",
             "algebra (`stops.peaks`), friction and brake at their greatest, a rigid gear",
         ),
         (

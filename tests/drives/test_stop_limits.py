@@ -45,21 +45,34 @@ def braked(tmp_path_factory):
     return sized(tmp_path_factory.mktemp("braked"))
 
 
-@pytest.mark.parametrize(("stops", "factor"), [(STOPS, 1.0), (None, 1.3)])
+@pytest.mark.parametrize("factor", [1.3, 1.5])
+@pytest.mark.parametrize("stops", [STOPS, None])
 def test_peak_of_a_closing_brake_by_hand(tmp_path, stops, factor):
-    """0.7 N m x 100 on a gear that passes 0.7 of the load on; 1.3 times if no stop is simulated."""
+    """0.7 N m x 100 on a gear that passes 0.7 of the load on, with a reserve, simulated or not."""
     peak = factor * 70.0 / (0.7 + HEAVY)
-    found = row(sized(tmp_path, stops=stops))
+    reserve = {} if factor == 1.3 else {"stop_factor": factor}  # the default
+    required = {"holding_brake": "all", **reserve}
+    gear = {"momentary_peak_torque": 130.0}
+    found = row(sized(tmp_path, gear=gear, stops=stops, conditions=required))
     assert found.required == pytest.approx(peak, rel=1e-6)
-    assert (found.available, found.status) == (100.0, Status.PASSES)
+    assert (found.available, found.status) == (130.0, Status.PASSES)
     gears = {
         "G": {**GEAR, "momentary_peak_torque": peak - 1.0},
         "H": {**GEAR, "mass": 1.5, "momentary_peak_torque": peak + 1.0},
     }
     path = write_catalog(tmp_path / "c.yaml", gears=gears, brakes={"B": BRAKE})
-    scene, required = turntable().with_(stops=stops), {"holding_brake": "all"}
+    scene = turntable().with_(stops=stops)
     report = sized_cycle(path, scene, conditions=required, on_miss="ignore")
     assert report.joints[0].choice.candidate.gear_name == "H"
+
+
+def test_stops_in_the_scene_demand_no_less_of_a_gear(tmp_path):
+    """One reserve: simulated, the row of the stop asks 1.3 times the peak of a rigid gear, too."""
+    without, beside = (row(sized(tmp_path, stops=stops)).required for stops in (None, STOPS))
+    assert beside == pytest.approx(without, rel=1e-9)
+    tight = {"momentary_peak_torque": 1.2 * (70.0 - HEAVY * 3.0) / (0.7 + HEAVY)}
+    for stops in (None, STOPS):
+        assert not sized(tmp_path, gear=tight, stops=stops).verdict.signed
 
 
 def test_a_brake_of_unknown_mass_and_inertia_loads_its_gear_too(tmp_path):
@@ -107,7 +120,8 @@ def test_stops_of_the_chosen_drive_are_in_the_report(braked):
     (axis,) = braked.stops.axes
     assert axis.peak == pytest.approx((70.0 - HEAVY * 3.0) / (0.7 + HEAVY), rel=1e-6)
     by_name = {c.name: c for c in axis.criteria}
-    assert by_name["gear momentary peak torque"].available == 100.0
+    gear = by_name["gear momentary peak torque"]
+    assert (gear.required, gear.available) == (pytest.approx(1.3 * axis.peak), 100.0)
     assert by_name["brake energy of a stop"].available == 20.0
     assert by_name["brake stops in an hour"].status == Status.NOT_CHECKED
     assert not braked.verdict.failing
@@ -157,7 +171,7 @@ def test_stops_that_a_brake_without_a_time_prevents_say_which_brake(tmp_path):
 
 def test_a_gear_that_a_stop_overloads_gives_way_to_one_that_bears_it(tmp_path, monkeypatch):
     monkeypatch.setattr("pinfric.sizing.choice.cycle_peaks", lambda *_: np.array([110.0]))
-    gears = {"G": GEAR, "H": {**GEAR, "mass": 1.5, "momentary_peak_torque": 120.0}}
+    gears = {"G": GEAR, "H": {**GEAR, "mass": 1.5, "momentary_peak_torque": 150.0}}
     path = write_catalog(tmp_path / "c.yaml", gears=gears, brakes={"B": BRAKE})
     steps, required = [], {"holding_brake": "all"}
     scene = turntable().with_(stops=STOPS)
@@ -165,7 +179,7 @@ def test_a_gear_that_a_stop_overloads_gives_way_to_one_that_bears_it(tmp_path, m
     report = sized_cycle(path, scene, **given)
     assert report.joints[0].choice.candidate.gear_name == "H"
     (found,) = [c for c in report.joints[0].choice.criteria if c.name == SHOCK]
-    assert (found.required, found.available) == (110.0, 120.0)
+    assert (found.required, found.available) == (1.3 * 110.0, 150.0)
     assert steps.count("peaks of all gears in stops, by algebra") == 2
     assert steps.count("stops of the chosen drives") == 1
     alone = one_drive(tmp_path, MOTOR, GEAR, brakes={"B": BRAKE})
@@ -174,18 +188,18 @@ def test_a_gear_that_a_stop_overloads_gives_way_to_one_that_bears_it(tmp_path, m
 
 
 def test_what_a_simulated_stop_overloads_must_bear_a_little_more(tmp_path, monkeypatch):
-    """The algebra says nothing here; the simulated peak of 65.7 N m is more than 65 of G."""
+    """The algebra says nothing here; 1.3 times the simulated 65.7 N m is more than the 85 of G."""
     monkeypatch.setattr("pinfric.sizing.choice.cycle_peaks", lambda *_: np.zeros(1))
     gears = {
-        "G": {**GEAR, "momentary_peak_torque": 65.0},
-        "H": {**GEAR, "mass": 1.5, "momentary_peak_torque": 66.0},
-        "I": {**GEAR, "mass": 2.0, "momentary_peak_torque": 67.0},
+        "G": {**GEAR, "momentary_peak_torque": 85.0},
+        "H": {**GEAR, "mass": 1.5, "momentary_peak_torque": 86.0},
+        "I": {**GEAR, "mass": 2.0, "momentary_peak_torque": 88.0},
     }
     path = write_catalog(tmp_path / "c.yaml", gears=gears, brakes={"B": BRAKE})
     scene = turntable().with_(stops=STOPS)
     report = sized_cycle(path, scene, conditions={"holding_brake": "all"}, on_miss="ignore")
-    peak = (70.0 - HEAVY * 3.0) / (0.7 + HEAVY)
-    assert 65.0 < peak < 66.0 < 1.02 * peak < 67.0
+    peak = 1.3 * (70.0 - HEAVY * 3.0) / (0.7 + HEAVY)
+    assert 85.0 < peak < 86.0 < 1.02 * peak < 88.0
     assert report.joints[0].choice.candidate.gear_name == "I"
     (found,) = [c for c in report.joints[0].choice.criteria if c.name == SHOCK]
     assert found.required == pytest.approx(1.02 * peak, rel=1e-6)
