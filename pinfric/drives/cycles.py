@@ -27,8 +27,8 @@ from pinfric.drives.limit import (
 )
 from pinfric.drives.limits import LIMITS, OWN_LIMITS
 from pinfric.drives.overload import heat_lag, longest_run, settled_root
-from pinfric.drives.reading import read_drive
 from pinfric.drives.policy import Conditions
+from pinfric.drives.reading import read_drive
 from pinfric.drives.thermal import COPPER, mean_temperature, winding_rises
 from pinfric.kernels.compiled import kernel
 

@@ -128,9 +128,7 @@ def screened_stops(
     )
 
 
-def _by_algebra(
-    machines: Machines, peak: float, energy: float, nearest: Nearest | None
-) -> Figures:
+def _by_algebra(machines: Machines, peak: float, energy: float, nearest: Nearest | None) -> Figures:
     reserve, most = max(machines.reserve, STOP_FACTOR), peak if np.isfinite(peak) else np.inf
     return Figures(
         most,
