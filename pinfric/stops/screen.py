@@ -7,7 +7,7 @@
 
 Simulated peaks are 0.68 to 1.15 of those by algebra, once 1.32; simulated ways at most 2.18 of the
 estimate (`stops.search`). Gears that are left open are simulated with the greatest friction and
-brakes, energies and places with the least.
+brakes, places with the least, energies with both.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ class ScreenedStops:
         Raises:
             StopError: of `stop`.
         """
-        return result_of(replace(self.search, measured=None))
+        return result_of(replace(self.search, measured=None, found=dict(self.search.found)))
 
 
 @described
@@ -154,18 +154,20 @@ def _bounds(machines: Machines, cycle: StopCycle) -> tuple[np.ndarray, list[Near
     count, q = len(scene.drives), trajectory.q[:, cycle.place]
     gears = [drive.transmission for drive in scene.drives]
     rotor = [0.0 if gear is None else gear.rotor_inertia for gear in gears]
-    heavy = rotor * np.array([drive.ratio for drive in scene.drives]) ** 2
+    ratio = np.abs([drive.ratio for drive in scene.drives])
+    heavy = rotor * ratio**2
     moves = np.flatnonzero(trajectory.v.any(axis=1))
     energy, nearest = np.zeros(count), list[Nearest | None]([None] * count)
     for load in (0.0, 1.0) if machines.full else (0.0,):
-        kind = MachineKind(False, load)
-        way = WAY_RESERVE * estimates(machines, cycle, kind)[1]
+        taken = np.zeros(count)
+        for kind in (MachineKind(True, load), MachineKind(False, load)):
+            way = WAY_RESERVE * estimates(machines, cycle, kind)[1]
+            brake = [machines.of(kind).torque.get(drive.name, 0.0) for drive in scene.drives]
+            taken = np.maximum(taken, brake * ratio * way.max(axis=0))
         v, rate = trajectory.v[moves], cycle.rate[moves]
         M = mass_matrices(scene.twin(machines.of(kind).carried), trajectory.q[moves])
         kinetic = 0.5 * (np.einsum("ti,tij,tj->t", v, M, v) + rate**2 @ heavy)
         added = np.abs(cycle.hold[load > 0.0]).max(axis=0) @ way.max(axis=0)
-        brake = [machines.of(kind).torque.get(drive.name, 0.0) for drive in scene.drives]
-        taken = brake * np.abs([drive.ratio for drive in scene.drives]) * way.max(axis=0)
         energy = np.maximum(energy, np.minimum(taken, kinetic.max(initial=0.0) + added))
         reach = np.stack([past(cycle.limits, q - way)[..., 0], past(cycle.limits, q + way)[..., 1]])
         for d in np.flatnonzero(np.isfinite(cycle.limits).any(axis=1)).tolist():

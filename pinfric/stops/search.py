@@ -244,9 +244,9 @@ class StopSearch:
         """The machines at full speed: least and greatest friction, without load and with all."""
         loads, sought = (0.0, 1.0) if self.machines.full else (0.0,), self.measured
         frictions = [False, True]
-        if sought is not None:  # energies and places are worst with the least, peaks with the most
-            least = bool((sought.energy | sought.beyond).any())
-            frictions = [False] * least + [True] * bool(sought.peak.any())
+        if sought is not None:  # least friction goes farthest; a strong brake leaves friction less
+            least, greatest = sought.energy | sought.beyond, sought.energy | sought.peak
+            frictions = [False] * bool(least.any()) + [True] * bool(greatest.any())
         return tuple(MachineKind(greatest, load) for greatest in frictions for load in loads)
 
     def run(self) -> None:
@@ -278,7 +278,8 @@ class StopSearch:
         if sought is not None:
             for d in range(count):
                 yield from (figure_of(name, d) for name in peaks if sought.peak[d])
-                yield from [figure_of("energy", d)] * bool(sought.energy[d])
+                if sought.energy[d]:  # where the joint goes farthest its brake takes most, nearly
+                    yield from (figure_of(name, d) for name in ("rest", "travel", "energy"))
                 yield from [beyond_of(d)] * bool(sought.beyond[d])
             return
         for d in range(count):

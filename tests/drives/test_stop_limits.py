@@ -6,12 +6,14 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from mechanisms import add_link, bar, five_bar, grounded_model, shifted
-from sizing_cases import GEAR, MOTOR, one_drive, sized_cycle, turntable, write_catalog
+from sizing_cases import GEAR, MOTOR, one_drive, sized_cycle, trapezoid, turntable, write_catalog
 
 import pinfric as pf
 from pinfric.drives.criterion import Status
 from pinfric.drives.limits import SHOCK
 from pinfric.errors import SizingError
+from pinfric.stops.machines import Machines, stop_settings
+from pinfric.stops.screen import screened_stops
 
 BRAKE = {
     "source": "invented",
@@ -129,12 +131,79 @@ def test_stops_of_the_chosen_drive_are_in_the_report(braked):
 
 def test_the_stops_are_computed_while_it_sizes(tmp_path, monkeypatch):
     steps = []
+    monkeypatch.setattr("pinfric.sizing.choice.cycle_peaks", lambda *_: np.full(1, np.nan))
     report = sized(tmp_path, progress=steps.append)
     assert "stops of the chosen drives" in steps
     assert re.fullmatch(r"stops of .* drives: (\d+) of about \1, about 0 s left", steps[-1])
     monkeypatch.setattr("pinfric.stops.search.stop_motion", None)  # nothing is stopped later
     assert report.verdict.failing == ()
-    assert report.stops.longest.time > 0.0
+
+
+def rows_of_stops(report):
+    return {c.name: c for c in report.screened.criteria[0]}
+
+
+#: The table turns at 1.5 rad/s; a brake's least torque is 50 N m at the joint.
+KINETIC = (2.0 + 2.0 * HEAVY) * 1.5**2 / 2.0
+#: Its way until the command takes effect, until the brake closes, and until it stands.
+WAY = 1.5 * 0.03 + KINETIC / 50.0
+
+
+def test_stops_that_algebra_settles_are_not_simulated(braked):
+    """The brake takes at most all there is; 1.3 times the gear's peak."""
+    found = rows_of_stops(braked)
+    assert not braked.screened.search.found
+    assert found["brake energy of a stop"].required == pytest.approx(KINETIC)
+    assert found["gear momentary peak torque"].required == pytest.approx(
+        1.3 * 70.0 / (0.7 + HEAVY), rel=1e-6
+    )
+    assert braked.stops.axes[0].energy < KINETIC
+    assert braked.stops.axes[0].travel < WAY
+
+
+@pytest.mark.parametrize("permitted", [2.3, 2.2])
+def test_an_energy_that_algebra_leaves_open_is_that_of_simulated_stops(braked, permitted):
+    """More than the brake may take by the bound; at its greatest it takes 2.22 J, 2.20 at least."""
+    (drive,) = braked.scene.actuators
+    gear = drive.transmission
+    weak = gear.brake.model_copy(update={"stop_energy": permitted})
+    gear = gear.model_copy(update={"brake": weak})
+    scene = braked.scene.with_(actuators=[drive.model_copy(update={"transmission": gear})])
+    motion = trapezoid(scene)
+    machines = Machines(scene, stop_settings(scene, None), ())
+    found = screened_stops(machines, motion, np.array([60.0]), lambda *_: None)
+    judged = {c.name: c for c in found.criteria[0]}
+    energy = judged["brake energy of a stop"]
+    assert energy.required == pytest.approx(2.2226, rel=1e-3)
+    assert energy.fails == (permitted < energy.required)
+    assert {case.kind.greatest for case in found.search.found} == {False, True}
+    assert judged["gear momentary peak torque"].source.startswith("algebra")
+    assert energy.required == found.result.axes[0].energy
+    strong = screened_stops(machines, motion, None, lambda *_: None)  # algebra tells no peak
+    assert {case.kind.greatest for case in strong.search.found} == {False, True}
+    assert strong.peaks == {0: found.result.axes[0].peak}
+
+
+@pytest.mark.parametrize("room", [0.3, 0.1, 0.08])
+def test_a_place_that_algebra_leaves_open_is_that_of_simulated_stops(tmp_path, room):
+    """A limit beyond the end of the cycle: farther than 2.2 times the way, nearer, too near."""
+    scene = turntable().with_(stops=STOPS)
+    motion = trapezoid(scene)
+    model = scene.model.copy()
+    model.lowerPositionLimit[:] = -10.0
+    model.upperPositionLimit[:] = motion.q[:, 0].max() + room
+    limited = scene.with_(model=model)
+    catalog = one_drive(tmp_path, MOTOR, GEAR, brakes={"B": BRAKE})
+    required = {"holding_brake": "all"}
+    report = pf.size(limited, motion, catalog, conditions=required, on_miss="ignore")
+    found = rows_of_stops(report)["position limit"]
+    assert bool(report.screened.search.found) == found.source.startswith("simulated")
+    whole = {c.name: c for c in report.stops.axes[0].criteria}["position limit"]
+    assert found.fails == whole.fails
+    if not report.screened.search.found:
+        assert found.required >= whole.required
+    else:
+        assert found.required == whole.required
 
 
 def test_a_stop_that_is_not_met_is_unmet(tmp_path):
@@ -189,7 +258,7 @@ def test_a_gear_that_a_stop_overloads_gives_way_to_one_that_bears_it(tmp_path, m
 
 def test_what_a_simulated_stop_overloads_must_bear_a_little_more(tmp_path, monkeypatch):
     """The algebra says nothing here; 1.3 times the simulated 65.7 N m is more than the 85 of G."""
-    monkeypatch.setattr("pinfric.sizing.choice.cycle_peaks", lambda *_: np.zeros(1))
+    monkeypatch.setattr("pinfric.sizing.choice.cycle_peaks", lambda *_: np.full(1, np.nan))
     gears = {
         "G": {**GEAR, "momentary_peak_torque": 85.0},
         "H": {**GEAR, "mass": 1.5, "momentary_peak_torque": 86.0},

@@ -97,8 +97,8 @@ def test_whatever_fails_is_counted_coloured_and_returned_alike(tmp_path, case):
         for c in (*report.joints[0].installed.criteria, *report.standstills[0].criteria)
         if c.margin is not None and c.scaled
     )
-    if report.stops is not None:
-        own = ((c.margin, f"stop: {c.name}") for c in report.stops.axes[0].criteria)
+    if report.screened is not None:
+        own = ((c.margin, f"stop: {c.name}") for c in report.screened.criteria[0])
         least = min(least, *(one for one in own if one[0] is not None))
     assert (joint.margin, joint.tightest) == least
     assert joint.tightest == (tightest or joint.tightest)

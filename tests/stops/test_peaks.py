@@ -14,6 +14,7 @@ import pinfric as pf
 from pinfric.stops.machines import Machines, full_load, stop_settings
 from pinfric.stops.motion import BrakedMachine
 from pinfric.stops.peaks import braking, cycle_peaks, gear_peaks
+from pinfric.stops.screen import screened_stops
 
 RATIOS, ROTORS = np.array([-100.0, 80.0, 50.0]), np.array([1e-4, 8e-5, 3e-5])
 BACK, BRAKES, DELAYS = np.array([0.6, 0.8, 0.5]), np.array([0.4, 0.9, 0.3]), (0.03, 0.01, 0.03)
@@ -224,6 +225,12 @@ def test_simulated_stops_of_sized_robots_load_their_gears_as_the_algebra_says(na
     ratio = (simulated / algebra)[simulated > 0.1 * bears]
     assert 0.68 < ratio.min() <= ratio.max() < 1.15
     assert np.median(ratio) == pytest.approx(0.95, abs=0.1)
+    screened = screened_stops(found.search.machines, motion, algebra, lambda *_: None)
+    for own, axis in zip(screened.criteria, found.axes, strict=True):
+        judged = {c.name: c for c in own}
+        assert {c.name: c.status for c in axis.criteria} == {n: c.status for n, c in judged.items()}
+        energy = judged["brake energy of a stop"]
+        assert energy.required >= axis.energy * (energy.source.startswith("algebra"))
 
 
 def timed(scene):
