@@ -33,7 +33,7 @@ def amplifier_of(
     if candidate.ratings.special is not None:
         return "", candidate.ratings.special.UNFED
     if candidate.transmission is None or candidate.ratings.torque_constant is None:
-        return "", "its currents are not known: no torque constant"
+        return "", "no torque constant"
     motors = [(motor_cycle(candidate, case.cycle, case.conditions), case) for case in cases]
     for name in sorted(amplifiers, key=lambda name: _size(amplifiers[name])):
         if _feeds(replace(candidate, amplifier=amplifiers[name]), motors):

@@ -88,15 +88,15 @@ class BusPower:
                 )
             return "no energy is fed back: neither resistor nor regeneration is needed"
         resistor = (
-            f"a resistor of at most {_with_prefix(self.resistor)}ohm, {self.resistor_power:.3g} W "
-            f"on average and {self.braking:.3g} W at most"
+            f"a resistor of at most {_with_prefix(self.resistor)}ohm, mean "
+            f"{self.resistor_power:.3g} W, peak {self.braking:.3g} W"
         )
         if self.capacitance is None:
-            return f"{resistor}, or a supply that feeds back"
+            return f"{resistor}, or feeding back"
         if any(c.name == _BRAKING and c.status == Status.PASSES for c in self.criteria):
             return "the bus capacitors take it"
         capacitors = f"capacitors of {_with_prefix(self.capacitance)}F"
-        return f"{capacitors}, or {resistor}, or a supply that feeds back"
+        return f"{capacitors}, or {resistor}, or feeding back"
 
 
 def _with_prefix(x: float) -> str:

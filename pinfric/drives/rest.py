@@ -60,7 +60,7 @@ class RestDemand(NamedTuple):
             )
         if self.stops:
             return "no brake: it stands still in this cycle; without power it can be pushed"
-        return "no brake: without power it coasts and can be pushed; add `stops`"
+        return "no brake: without power it coasts; add `stops`"
 
     def reserve(self, conditions: Conditions) -> float:
         """Return the factor on the load: the conditions', at least 2 where masses are guesses."""

@@ -216,7 +216,8 @@ def _lighter(task: Task, memory: Memory, choice: Choice) -> dict[int, Assessment
     if choice.mass <= moved or not all(a.fits for a in choice.taken.values()):
         return {}
     most = moved / len(choice.taken)
-    light = settle(task, memory, Choice(bare=choice.bare, most=most), OF_DRIVES)[1].taken
+    silent = replace(task, progress=lambda _: None)
+    light = settle(silent, memory, Choice(bare=choice.bare, most=most), OF_DRIVES)[1].taken
     fit = light.keys() == choice.taken.keys() and all(a.fits or a.would for a in light.values())
     return dict(light) if fit else {}
 

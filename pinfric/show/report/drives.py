@@ -114,17 +114,19 @@ def amplifier_lines(summary: SizingSummary) -> list[str]:
     """Return the amplifiers in a sentence, with the currents of the motors that they feed."""
     short = short_names([joint.name for joint in summary.joints])
     by_name: dict[str, list[str]] = {}
+    taken_ = [joint.installed for joint in summary.joints if joint.installed is not None]
+    kinds = {drive.motor.current_kind for drive in taken_ if drive.motor is not None} - {""}
+    alike = f" {kinds.pop()}" if len(kinds) == 1 else ""
     for joint in summary.joints:
         if (taken := joint.installed) is None:
             continue
         said, motor = short[joint.name], taken.motor
         if motor is not None and motor.peak_current is not None and motor.rms_current is not None:
-            said += (
-                f" {digits(motor.peak_current)}, {digits(motor.rms_current)} {motor.current_kind}"
-            )
-        by_name.setdefault(taken.amplifier or f"none, {taken.no_amplifier}", []).append(said)
+            said += f" {digits(motor.peak_current)}, {digits(motor.rms_current)}"
+            said += "" if alike else f" {motor.current_kind}"
+        by_name.setdefault(taken.amplifier or f"none: {taken.no_amplifier}", []).append(said)
     said = "; ".join(f"{name} ({'; '.join(of)})" for name, of in by_name.items())
-    return [f"amplifiers, with peak and RMS current in A: {said}"] * bool(said)
+    return [f"amplifiers, peak and RMS current in A{alike}: {said}"] * bool(said)
 
 
 def by_text(lines: Iterable[str]) -> dict[str, dict[str, None]]:

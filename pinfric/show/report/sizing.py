@@ -63,7 +63,7 @@ def sizing_report(report: SizingReport, verbose: bool = True, written: bool = Fa
     how_ = mounted(report.given, report.conditions.mounting == "any", report.elsewhere)
     if not how_.startswith(_USUAL):
         said = (*said, how_)
-    opening = [verdict(report), *said, *(f"! {line}" for line in failing)]
+    opening = [verdict(report, verbose), *said, *(f"! {line}" for line in failing)]
     rating = rating_table(summary)
     if report.catalog is None:
         tables = rating, demand_table(report), mounting_table(summary)
@@ -97,16 +97,10 @@ def _short(
     report: SizingReport, summary: SizingSummary, opening: Sequence[Any], written: bool
 ) -> Report:
     first = [f"note: {line}" for line in report.assumptions[: len(report.unclosed) > 0]]
-    ending = [
-        f"{counted(len(summary.ask), 'product')} to ask the maker about",
-        counted(len(product_lines(summary)), "remark") + " of the catalogue",
-        f"why {counted(len(summary.unchecked), 'kind')} of criteria were not checked",
-        "the demand of each joint",
-        "next smaller drives",
-        counted(len(report.notes), "note"),
-    ]
-    last = "more by -v: " + ", ".join(line for line in ending if not line.startswith("0 "))
-    last += "" if written else "; page to sign, bill of materials: --out FOLDER"
+    asked, said = counted(len(summary.ask), "product"), len(product_lines(summary))
+    ending = [f"{asked} to ask about", counted(said, "remark")]
+    last = f"more by -v ({', '.join(x for x in ending if not x.startswith('0 '))})"
+    last += "" if written else "; page and parts: --out FOLDER"
     return paragraphs(
         list(opening),
         choice_table(summary, short=True),
@@ -118,8 +112,9 @@ def _short(
             *amplifier_lines(summary),
             *bus_lines(report)[:1],
             *stop_lines(summary, written),
+            *first,
+            last,
         ],
-        [*first, last],
     )
 
 
@@ -136,7 +131,7 @@ def friction_line(report: SizingReport) -> list[str]:
     if not counts:
         return []
     said = ", ".join(f"{n} of {len(names)} joints {why}" for why, n in counts.items())
-    return [f"friction: {said}, taken as the old drive's and replaced by the candidates' losses"]
+    return [f"friction: {said}; drives' losses replace it"]
 
 
 def rating_lines(summary: SizingSummary) -> list[str]:
@@ -237,8 +232,12 @@ def _demands(
     )
 
 
-def verdict(report: SizingReport) -> str:
-    """Return in a line the headline, and what is not checked or guessed."""
+def verdict(report: SizingReport, verbose: bool = True) -> str:
+    """Return in a line the headline, and what is not checked or guessed.
+
+    Args:
+        verbose: also how the choice ended if it settled, and what is said of each joint below.
+    """
     if report.catalog is None:
         beyond = beyond_limits(report.result_without_masses)
         within = f"{counted(len(beyond), 'drive')} beyond the URDF's effort limits; " * bool(beyond)
@@ -254,7 +253,7 @@ def verdict(report: SizingReport) -> str:
         parts.append(f"{', '.join(nearest)}: computed with the closest candidate")
     if report.given.assumed is not None:
         parts.append(f"{len(report.given.assumed.values)} entries of the scene are guesses")
-    return "; ".join([*parts, passes(report)])
+    return "; ".join([*parts, *[passes(report)] * (verbose or not report.settled)])
 
 
 def passes(report: SizingReport) -> str:

@@ -25,7 +25,7 @@ Report = list["RenderableType"]
 #: Blanks between columns.
 _GAP = 2
 #: Letters that a name keeps, and a column of words, before another block is begun for the rest.
-_NAME, _WORDS = 14, 20
+_NAME, _WORDS = 14, 19
 
 
 class ColumnKind(Enum):
@@ -132,7 +132,7 @@ def paragraphs(*parts: Table | str | Sequence[str] | None) -> Report:
     """Return a report: its parts with a blank line between them.
 
     The common beginning and end of all names in its tables is left out, also in lines, and stated
-    once. Lines that begin with "! " say what fails, bold and red.
+    in the title of the first. Lines that begin with "! " say what fails, bold and red.
 
     Args:
         parts: tables, titles (one text), lines; None and empty ones are left out.
@@ -144,11 +144,13 @@ def paragraphs(*parts: Table | str | Sequence[str] | None) -> Report:
     front, back = affixes(names)
     short = dict(zip(names, without(names, front, back), strict=True))
     note = left_out(front, back)
-    printed: Report = [Text(note, style="dim")] if note else []
+    printed: Report = []
     for part in parts:
         printed += [Text()] * bool(printed and part)
         if isinstance(part, Table):
-            printed.append(part.without(front, back))
+            table = part.without(front, back)
+            titles = [text for text in (table.title, note * (part is tables[0])) if text]
+            printed.append(replace(table, title="; ".join(titles)))
         elif isinstance(part, str):
             printed.append(Text(part, style="bold"))
         else:
