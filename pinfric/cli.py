@@ -294,6 +294,10 @@ def size(  # noqa: PLR0913 - options
         list[str] | None,
         option("The drive that a joint gets, named as the page does.", "JOINT=NAME", "--take"),
     ] = None,
+    sensitivity: Annotated[
+        bool,
+        option("At which friction, payload and speed it changes.", "", "--sensitivity"),
+    ] = False,
     out: OutFolder = None,
     as_json: AsJson = False,
     log: Any,
@@ -360,6 +364,7 @@ def size(  # noqa: PLR0913 - options
             rating=asked,
             conditions=conditions,
             on_miss="ignore",
+            sensitivity=sensitivity,
             progress=tell,
         )
     if report.catalog is not None:

@@ -31,6 +31,7 @@ from pinfric.model.scene import Scene
 from pinfric.model.upward import Shown
 from pinfric.sizing.drive_search import Ask, Assessment, DriveSearch, momentary_peak
 from pinfric.sizing.elastic_arm import arm_criteria, reversal_criteria
+from pinfric.sizing.sensitivity import Sensitivity
 from pinfric.sizing.task import brakes_of
 from pinfric.sizing.verdict import JointState, JointVerdict, Verdict
 from pinfric.stops.screen import ScreenedStops
@@ -210,6 +211,7 @@ class SizingReport(Shown):
         beyond: joints that the cycle moves faster or farther than the URDF allows, in words.
         open_stops: by column, what the gears would bear in stops, N m or N, which the choice does
             not use: of a rating alone; NaN where brakes may close and no algebra tells it.
+        sensitivity: by which factors on loads the choice changes; empty: not asked for.
     """
 
     scene: Scene
@@ -235,6 +237,7 @@ class SizingReport(Shown):
     elsewhere: tuple[str, ...] = ()
     beyond: tuple[str, ...] = ()
     open_stops: Mapping[int, float] = field(default_factory=dict)
+    sensitivity: tuple[Sensitivity, ...] = ()
 
     def __repr__(self) -> str:
         names = [joint.name for joint in self.joints]

@@ -44,6 +44,7 @@ from pinfric.sizing.drive_search import Assessment
 from pinfric.sizing.elastic_arm import check_tool
 from pinfric.sizing.memory import Memory, cases
 from pinfric.sizing.report import JointSizing, SizingReport
+from pinfric.sizing.sensitivity import sensitivities
 from pinfric.sizing.task import Task, catalog_arrays, task_of
 
 
@@ -55,6 +56,7 @@ def size(
     rating: Rating | Mapping[str, Any] | None = None,
     conditions: Conditions | Mapping[str, Any] | None = None,
     on_miss: Literal["warn", "raise", "ignore"] = "warn",
+    sensitivity: bool = False,
     progress: Callable[[str], object] | None = None,
 ) -> SizingReport:
     """Return the demand of a repeated cycle on each drive, and the drives of a catalogue that fit.
@@ -77,6 +79,7 @@ def size(
             a cycle each joint gets what bears both.
         conditions: in place of the catalogue's: a mapping, or what was set in a `Conditions`.
         on_miss: what to do if no candidate fits a joint; the report says so in any case.
+        sensitivity: also by which factors on friction, payloads and speed the choice changes.
         progress: called with a line of text at each step.
 
     Raises:
@@ -114,6 +117,10 @@ def size(
     given = task_of(scene, trajectory, catalog, wanted, tell, arrays, rated)
     task, choice = settle(given, memory, Choice(), QUESTIONS)
     report = _report(task, memory, choice)
+    if sensitivity:
+        by = None if rating is None else (parse_rating(rating), rate)
+        found = sensitivities(task, choice, scene, trajectory, by)
+        report = replace(report, sensitivity=found)
     if on_miss == "raise":
         report.check()
     for text in report.verdict.failing if on_miss == "warn" else ():

@@ -22,6 +22,7 @@ from pinfric.model.robot import link_frame
 from pinfric.motions.rating import Rated
 from pinfric.sizing.drive_search import Ask, Assessment, stiffness_of
 from pinfric.sizing.report import JointSizing, SizingReport
+from pinfric.sizing.sensitivity import Sensitivity
 from pinfric.sizing.verdict import JointVerdict, Verdict
 from pinfric.stops.screen import StopScreen, stop_screen
 
@@ -270,6 +271,9 @@ class SizingSummary:
     )
     lighter: tuple[Lighter, ...] = quantity(
         "where the drives outweigh what they move, drives that do not; empty: there are none"
+    )
+    sensitivity: tuple[Sensitivity, ...] = quantity(
+        "by which factors on loads the choice changes; empty: not asked for"
     )
     ask: tuple[ToAsk, ...] = quantity(
         "lighter products that cannot be signed, fewest figures first"

@@ -164,7 +164,7 @@ def _machine(machines: Machines, kind: MachineKind) -> BrakedMachine:
     }
     by_limits = settings.category == 1 and not settings.deceleration
     return BrakedMachine(
-        scene=_with(scene, settings.friction[kind.greatest], kind.load),
+        scene=with_loads(scene, settings.friction[kind.greatest], kind.load),
         carried=machines.full if kind.load > 0.0 else (),
         torque={
             name: brake.greatest if kind.greatest else brake.torque
@@ -191,16 +191,18 @@ def _limits(scene: Scene) -> Iterator[tuple[str, float]]:
         yield drive.name, limit / abs(drive.ratio)
 
 
-def _with(scene: Scene, factor: float, load: float) -> Scene:
-    """The scene with scaled friction and losses, and a share of its payloads."""
+def with_loads(scene: Scene, factor: float, load: float) -> Scene:
+    """Return a scene with scaled friction and losses, and a share of its payloads."""
     change: dict[str, object] = {}
     if factor != 1.0:
         change["friction"] = {name: f.scaled(factor) for name, f in scene.friction.items()}
-        change["actuators"] = [
+        # whose friction it is does not change
+        change |= {"measured": scene.measured, "assumed": scene.assumed}
+        change["actuators"] = scene.actuators and [
             a
             if a.transmission is None
             else a.model_copy(update={"transmission": a.transmission.with_losses(factor)})
-            for a in scene.actuators or ()
+            for a in scene.actuators
         ]
     if load not in (0.0, 1.0):
         change["payloads"] = {

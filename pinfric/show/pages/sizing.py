@@ -31,6 +31,7 @@ from pinfric.show.report.drives import (
     product_lines,
     provisional_table,
     rating_table,
+    sensitivity_table,
     smaller_table,
     turn,
     unchecked_table,
@@ -122,6 +123,7 @@ def sizing_page(report: SizingReport, command: str = "", inputs: Iterable[str | 
             cells={f"joints[{name}]": partial(_cell, name) for name in short.values()},
         ),
         smaller=smaller_table(summary),
+        sensitivity=sensitivity_table(summary),
         views=[
             _joint_view(joint, report, summary.joints[k], k) | {"remarks": own[k]}
             for k, joint in enumerate(report.joints)

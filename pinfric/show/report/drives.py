@@ -14,6 +14,7 @@ from pinfric.show.report.rows import NONE, table_of
 from pinfric.show.report.tables import Table
 from pinfric.show.report.values import digits
 from pinfric.sizing.report import SizingReport
+from pinfric.sizing.sensitivity import FACTORS, Sensitivity
 from pinfric.sizing.summary import SizedJoint, SizingSummary, Unchecked
 from pinfric.sizing.verdict import JointState
 
@@ -163,6 +164,17 @@ def lighter_table(summary: SizingSummary) -> Table | None:
     mass = digits(sum(row.mass or 0.0 for row in rows))
     title = f"lighter, {mass} kg in all, but not signed: ask for {', '.join(asked)}"
     return table_of(title, rows)
+
+
+def sensitivity_table(summary: SizingSummary) -> Table | None:
+    """Return by which factors on loads the choice changes; None: not asked for."""
+    short = short_names([joint.name for joint in summary.joints])
+    cells: dict[str, Callable[[Sensitivity], str]] = {
+        "factor": lambda row: "more than 2" if row.factor is None else f"{row.factor:g}",
+        "joints": lambda row: ", ".join(short[name] for name in row.joints) or "none",
+    }
+    title = f"where the choice changes first, from {FACTORS[0]:g} to {FACTORS[-1]:g} times"
+    return table_of(title, summary.sensitivity, cells=cells)
 
 
 def ask_table(summary: SizingSummary, most: int = 0) -> Table | None:

@@ -27,6 +27,7 @@ from pinfric.show.report.drives import (
     product_lines,
     provisional_table,
     rating_table,
+    sensitivity_table,
     smaller_table,
     turn,
     unchecked_table,
@@ -78,6 +79,7 @@ def sizing_report(report: SizingReport, verbose: bool = True, written: bool = Fa
         choice_table(summary),
         provisional_table(summary),
         lighter_table(summary),
+        sensitivity_table(summary),
         mass_table(summary),
         smaller_table(summary),
         product_lines(summary),
@@ -107,6 +109,7 @@ def _short(
         mounting_table(summary),
         provisional_table(summary),
         lighter_table(summary),
+        sensitivity_table(summary),
         [
             *brake_line(summary),
             *amplifier_lines(summary),
