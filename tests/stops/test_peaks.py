@@ -226,9 +226,9 @@ def test_simulated_stops_of_sized_robots_load_their_gears_as_the_algebra_says(na
     assert 0.68 < ratio.min() <= ratio.max() < 1.15
     assert np.median(ratio) == pytest.approx(0.95, abs=0.1)
     screened = screened_stops(found.search.machines, motion, algebra, lambda *_: None)
-    for own, found_axis in zip(screened.criteria, found.axes, strict=True):
+    for own, stopped in zip(screened.criteria, found.axes, strict=True):
         judged = {c.name: c for c in own}
-        assert {c.name: c.status for c in found_axis.criteria} == {
+        assert {c.name: c.status for c in stopped.criteria} == {
             n: c.status for n, c in judged.items()
         }
         energy = judged["brake energy of a stop"]
