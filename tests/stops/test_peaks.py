@@ -232,7 +232,7 @@ def test_simulated_stops_of_sized_robots_load_their_gears_as_the_algebra_says(na
             n: c.status for n, c in judged.items()
         }
         energy = judged["brake energy of a stop"]
-        assert energy.required >= axis.energy * (energy.source.startswith("algebra"))
+        assert energy.required >= stopped.energy * (energy.source.startswith("algebra"))
 
 
 def timed(scene):
