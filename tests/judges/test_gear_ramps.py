@@ -11,6 +11,7 @@ from judges.test_gears import WORM, hoist
 from scipy.optimize import brentq
 
 import pinfric as pf
+from pinfric.errors import SimulationInterrupted
 
 
 def first_slip(scene: pf.Scene, q: np.ndarray, torque, enough: float) -> float:
@@ -21,7 +22,10 @@ def first_slip(scene: pf.Scene, q: np.ndarray, torque, enough: float) -> float:
             raise KeyboardInterrupt
 
     still = np.zeros(scene.model.nv)
-    found = pf.simulate(scene, q, still, t_end=1.0, motor_torque=torque, progress=stop)
+    try:
+        found = pf.simulate(scene, q, still, t_end=1.0, motor_torque=torque, progress=stop)
+    except SimulationInterrupted as interrupt:
+        found = interrupt.motion
     return next((event.time for event in found.events if event.kind == "slip"), np.inf)
 
 
