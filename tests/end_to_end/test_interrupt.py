@@ -76,7 +76,7 @@ def expect_gone(pids, seconds):
 @pytest.mark.parametrize(
     ("name", "delay"),
     [
-        ("simulate", 0.1),
+        ("simulate", 0.3),
         ("inverse", 0.6),
         *(pytest.param(*c, marks=pytest.mark.slow) for c in LATER),
     ],
