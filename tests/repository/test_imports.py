@@ -143,6 +143,7 @@ def patched(tree):
 #: Modules looked up by a name: the tables of what the package and its commands have; an extra that
 #: may not be installed. And the number that numba gives to a function next.
 LOOKED_UP = {
+    "pinfric.__main__": ["sys"],  # streams that the caller closed
     "pinfric": ["import_module((_PUBLIC | _INTERNAL)[name])"],
     "pinfric.cli": ["import_module(f'pinfric.{module}')"],
     "pinfric.kernels.compiled": ["FunctionIdentity._unique_ids"],
