@@ -410,7 +410,7 @@ def test_a_gear_that_is_a_bearing_gives_way_to_the_new_one(tmp_path, name):
     assert report.joints[0].demand.peak == pytest.approx(bare.joints[0].demand.peak, rel=1e-9)
     assert report.joints[0].choice.candidate == bare.joints[0].choice.candidate
     assert report.scene.friction["table"].mu.static == 0.0
-    assert friction_line(report)[0].startswith("friction: 1 of 1 joints lost in the gear, taken as")
+    assert friction_line(report)[0].startswith("friction: 1 of 1 joints lost in the gear; drives'")
     assert any(x.startswith("The losses of the gears of table (`bearing: {") for x in report.notes)
     assert not any("Coulomb and viscous friction of table" in x for x in report.notes)
     alone = sized_cycle(scene=table).joints[0].demand.peak  # nothing takes its place
