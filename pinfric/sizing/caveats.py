@@ -15,6 +15,7 @@ from pinfric.drives.policy import KIT
 from pinfric.dynamics.inverse.inverse import inverse_dynamics
 from pinfric.dynamics.inverse.result import InverseResult
 from pinfric.dynamics.samples.states import States
+from pinfric.errors import LoopMotionError
 from pinfric.model.scene import Scene
 
 #: Part of a joint's travel, and of its largest velocity, by which a cycle may miss its start.
@@ -60,7 +61,10 @@ def _turned_on(scene: Scene, states: States) -> States | None:
 
 def _same_efforts(result: InverseResult, samples: slice, on: States) -> bool:
     """Whether the efforts of some samples are those of the same cycle, turned on."""
-    turned = inverse_dynamics(result.scene, on.q, on.v, on.a, t=on.t, attached=on.attached)
+    try:
+        turned = inverse_dynamics(result.scene, on.q, on.v, on.a, t=on.t, attached=on.attached)
+    except LoopMotionError:  # rounding opens a loop: the cycle cannot be told to go on
+        return False
     ends = (
         (getattr(result, name)[samples], getattr(turned, name))
         for name in ("effort_lower", "effort_upper")
