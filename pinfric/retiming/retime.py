@@ -336,15 +336,20 @@ class _Retiming:
         return Profile.of(grid, x, np.stack([u, u], axis=1))
 
     def settled(self, result: RetimeResult) -> RetimeResult:
-        """Run the whole motion a little more slowly, until it is within all limits exactly."""
-        first, factor = result, 1.0
+        """Run the whole motion a little more slowly, until it is within all limits exactly.
+
+        Each step is at most what `result` exceeds asks for: a sample that falls on a reversal
+        exceeds much, and at a slightly lower speed samples fall beside it.
+        """
+        first, factor, most = result, 1.0, np.inf
         heated, smooth = result.rms is not None, result.smooth
         for attempt in range(_ROUNDS):
             samples = sample(self.path, first.profile.scaled(factor), self._rate, smooth)
             judged = self.judge(self.motion(samples), samples.moving)
             if (over := judged.most(heated) - _SETTLED) <= 0.0:
                 break
-            factor *= max(1.0 - 0.6 * 2.0**attempt * over, 0.9)
+            most = min(most, over)
+            factor *= max(1.0 - 0.6 * 2.0**attempt * most, 0.9)
         else:  # friction that grows as the speed falls
             return first
         if factor == 1.0:
