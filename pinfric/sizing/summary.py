@@ -133,7 +133,7 @@ class Installed:
     criteria: tuple[Criterion, ...] = quantity(
         "criteria of the drive, of holding without power, of the reversal error, and of its stops"
     )
-    motor: MotorFigures | None = quantity("demand of the cycle on the motor")
+    motor: MotorFigures | None = quantity("demand of the cycle on the motor", heading="*")
     losses: str = quantity("how the transmission's losses are derived from the catalogue")
     stand_ins: tuple[str, ...] = quantity("figures taken from other products, or from rules")
     notes: tuple[str, ...] = quantity("what the catalogue remarks on motor, gear and brake")
