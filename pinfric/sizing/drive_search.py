@@ -354,11 +354,14 @@ class CatalogArrays:
         """Return the brakes that go with a motor, the smallest first."""
         return {n: brake for n, brake in self.brakes.items() if brake.goes_with(motor, integrated)}
 
-    def only(self, name: str) -> CatalogArrays:
-        """Return the same with one drive, named as `size` prints it."""
-        alone = copy(self)
-        alone.groups = [replace(group, fits=group.named(name)) for group in self.groups]
-        return alone
+    def only(self, *names: str) -> CatalogArrays:
+        """Return the same with a few drives, named as `size` prints them."""
+        few = copy(self)
+        few.groups = [
+            replace(group, fits=np.any([group.named(name) for name in names], axis=0))
+            for group in self.groups
+        ]
+        return few
 
     def worst_efficiency(self, kind: str) -> float | None:
         """Return the worst known efficiency of a kind of gears; None: none is known."""

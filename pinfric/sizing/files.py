@@ -88,6 +88,9 @@ def judge_files(report: SizingReport) -> None:
     Raises:
         SizingError: an effort or a motor's torque is another.
     """
+    rating, states = report.rating, report.result.states
+    part = rating.own if rating is not None and rating.cycles else slice(None)
+    t, q, v, a = (x[part] for x in (report.result.times, states.q, states.v, states.a))
     with TemporaryDirectory() as name, warnings.catch_warnings():
         warnings.simplefilter("ignore", PinfricWarning)  # said of the scene that was given
         folder = Path(name)
@@ -96,14 +99,11 @@ def judge_files(report: SizingReport) -> None:
         if not (folder / _SCENE).exists():
             return
         scene = load_scene(folder / _SCENE)
-    rating, states = report.rating, report.result.states
-    part = rating.own if rating is not None and rating.cycles else slice(None)
-    carried = states.attached
-    if carried is not None:
-        names = list(report.scene.payloads)
-        carried = carried[part][:, [names.index(payload) for payload in scene.payloads]]
-    t, q, v, a = (x[part] for x in (report.result.times, states.q, states.v, states.a))
-    read = inverse_dynamics(scene, q, v, a, t=t, attached=carried)
+        carried = states.attached
+        if carried is not None:
+            names = list(report.scene.payloads)
+            carried = carried[part][:, [names.index(payload) for payload in scene.payloads]]
+        read = inverse_dynamics(scene, q, v, a, t=t, attached=carried)
     for key, what in _JUDGED.items():
         mine, theirs = (getattr(x, key)[: len(t) - 1] for x in (read, report.result))
         largest = np.abs(theirs).max(axis=0)

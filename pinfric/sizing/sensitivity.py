@@ -11,8 +11,6 @@ from copy import copy
 from dataclasses import replace
 from typing import Any
 
-import numpy as np
-
 from pinfric.drives.drivetrain import Candidate
 from pinfric.drives.duty import Duty
 from pinfric.model.described import described, quantity
@@ -63,7 +61,8 @@ def sensitivities(
     conditions = task.conditions.model_copy(
         update={"take": {names[i]: a.name for i, a in choice.taken.items()}}
     )
-    few = {linear: _only(arrays, choice) for linear, arrays in task.arrays.items()}
+    taken = {assessment.name for assessment in choice.taken.values()}
+    few = {linear: arrays.only(*taken) for linear, arrays in task.arrays.items()}
 
     def at(what: str, factor: float) -> Task:
         friction, load = (factor if what == x else 1.0 for x in (_FRICTION, _PAYLOAD))
@@ -111,17 +110,6 @@ def _changes(
             yield i, failed[0].name if failed else "no figure of it is known"
         elif now.candidate.brake != drive.candidate.brake:
             yield i, "holding brake"
-
-
-def _only(arrays: CatalogArrays, choice: Choice) -> CatalogArrays:
-    """The arrays of the drives that were chosen."""
-    few = copy(arrays)
-    names = {assessment.name for assessment in choice.taken.values()}
-    few.groups = [
-        replace(group, fits=np.any([group.named(name) for name in names], axis=0))
-        for group in arrays.groups
-    ]
-    return few
 
 
 def _lossier(arrays: CatalogArrays, factor: float) -> CatalogArrays:

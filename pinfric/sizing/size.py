@@ -119,7 +119,9 @@ def size(
     report = _report(task, memory, choice)
     if sensitivity:
         by = None if rating is None else (parse_rating(rating), rate)
-        found = sensitivities(task, choice, scene, trajectory, by)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", PinfricWarning)  # said of the loads that are given
+            found = sensitivities(task, choice, scene, trajectory, by)
         report = replace(report, sensitivity=found)
     if on_miss == "raise":
         report.check()

@@ -1,12 +1,13 @@
 """Which joint needs another drive first: against sizings of the scaled loads, by themselves."""
 
+import warnings
 from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
 import pytest
-from builders import chain, dry
-from sizing_cases import COULOMB, GEAR, INERTIA, one_drive, trapezoid, turntable
+from builders import chain, dry, lump
+from sizing_cases import COULOMB, GEAR, INERTIA, RATE, one_drive, trapezoid, turntable
 
 import pinfric as pf
 from pinfric.show.pages.sizing import sizing_page
@@ -94,3 +95,34 @@ def test_a_joint_that_does_not_fit_as_given_is_not_said_to_change(tmp_path):
     assert len(table.rows) == len(report.sensitivity)
     assert "where the choice changes first" in sizing_page(report).replace("Where", "where")
     assert sensitivity_table(sizing_summary(replace(report, sensitivity=()))) is None
+
+
+def test_a_larger_brake_is_a_change(tmp_path):
+    """m g r through the gear: the small brake bears 1.2 times the payload, the gear twice."""
+    arm = chain(("lift", pin.JointModelRY(), lump(1.0, [0.1, 0.0, 0.0])))
+    arm.addBodyFrame("arm", 1, pin.SE3.Identity(), 0)
+    bag = {"link": "arm", "mass": 10.0, "com": [0.2, 0.0, 0.0], "inertia": (0.1, 0, 0, 0.1, 0, 0.1)}
+    scene = pf.Scene(model=arm, payloads={"bag": bag}, stick_velocity=0.0)
+    held = [9.81 * (0.1 * 1.0 + factor * 0.2 * 10.0) / GEAR["ratio"] for factor in (1.2, 3.0)]
+    brake = {"source": "invented", "grade": "R", "mass": 0.1, "rotor_inertia": 1e-6}
+    brakes = {f"B{k}": brake | {"torque": torque} for k, torque in enumerate(held)}
+    motor = {"continuous_torque": 2.0, "peak_torque": 5.0, "thermal": None, "resistance": 0.1}
+    catalog = one_drive(tmp_path, motor, LOSSLESS, brakes=brakes)
+    motion = pf.Trajectory.from_arrays(scene, [0.0, 1.0], *np.zeros((3, 2, 1)))
+    conditions = {"holding_brake": "all", "brake_factor": 1.0, "inertia_ratio": 1e3}
+    report = pf.size(scene, motion, catalog, conditions=conditions, sensitivity=True)
+    assert report.joints[0].choice.candidate.brake == "B0"
+    (payload,) = [row for row in report.sensitivity if row.what == "payload"]
+    assert (payload.factor, payload.why) == (1.25, "holding brake")
+
+
+def test_loads_that_are_only_tried_are_not_warned_of(tmp_path):
+    """The cycle is as fast as friction was measured; at 1.05 times the speed it is faster."""
+    measured = {"robot": "a table", "side": "joint", "source": "invented", "grade": "A"}
+    scene = turntable(measured=measured | {"speed": (0.0, 1.01 * RATE)})
+    catalog = one_drive(tmp_path, {"continuous_torque": 5.0, "peak_torque": 9.0})
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        pf.size(scene, trapezoid(scene), catalog, on_miss="ignore", sensitivity=True)
+    with pytest.warns(pf.PinfricWarning, match="faster than friction was measured"):
+        pf.size(scene, trapezoid(scene).with_speed(1.05), catalog, on_miss="ignore")
