@@ -40,10 +40,12 @@ def unclosed(result: InverseResult, duty: Schedule) -> tuple[str, ...]:
     gaps = []
     for name, samples in duty.parts():
         where, states = f"{name}: " if len(duty.names) > 1 else "", result.states.part(samples)
-        on = _turned_on(result.scene, states)
+        found = _gaps(result.scene, states)
+        on = _turned_on(result.scene, states) if found else None
         if on is not None and _same_efforts(result, samples, on):
             states = replace(states, q=np.concatenate([on.q[:1], states.q[1:]]))
-        gaps += [where + gap for gap in _gaps(result.scene, states)]
+            found = _gaps(result.scene, states)
+        gaps += [where + gap for gap in found]
     return tuple(gaps)
 
 
