@@ -210,12 +210,9 @@ def simulate(
     interrupted: SimulationInterrupted | None = None
     end = t_end or (scene.simulation.t_end if scene.simulation else 0.0)
     try:
-        if sys.stderr.isatty():  # `simulate` draws its own bar
+        with progress("ms simulated") as tell:
+            settings["progress"] = lambda t: tell(int(1e3 * t), math.ceil(1e3 * end))
             motion = simulate(scene, t_end=t_end, method=method, **settings)
-        else:
-            with progress("ms simulated") as tell:
-                settings["progress"] = lambda t: tell(int(1e3 * t), math.ceil(1e3 * end))
-                motion = simulate(scene, t_end=t_end, method=method, **settings)
     except SimulationInterrupted as interrupt:  # what was computed is shown and written
         interrupted, motion = interrupt, interrupt.motion
     summary = motion_summary(motion)
