@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -24,12 +24,9 @@ from pinfric.errors import PinfricError
 from pinfric.model.scene import Scene
 from pinfric.motions.summary import column_rms
 from pinfric.motions.trajectory import Trajectory
-from pinfric.sweeps.motors import MET, NOT_CHECKED, Trial
+from pinfric.sweeps.motors import NOT_CHECKED, Trial
 from pinfric.sweeps.parameters import ELASTIC, Target, apply
 from pinfric.sweeps.superposition import Summed, Superposition
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 #: What a cycle takes of each drive.
 DEMANDS = ("peak", "rms", "motor_peak", "motor_rms", "speed")
@@ -86,59 +83,58 @@ class Study:
         return {entry.name: getattr(self, entry.name) for entry in fields(self)}
 
 
-class SampleFigures(NamedTuple):
-    """One sample.
+class Samples(NamedTuple):
+    """Figures of k samples.
 
     Attributes:
-        figures: (na, number of `FIGURES`); NaN where there is no solution.
-        verdicts: (number of `Study.criteria`,) FAILS, MET or NOT_CHECKED.
-        unsolved: number of instants without a solution.
-        elastic: as `Study.elastic`.
+        figures: (k, na, number of `FIGURES`); NaN where there is no solution.
+        verdicts: (k, number of `Study.criteria`) FAILS, MET or NOT_CHECKED.
+        unsolved: (k,) number of instants without a solution.
+        elastic: (k, number of `Study.elastic`).
+        problems: (k,) why a sample could not be computed; empty if it could.
     """
 
     figures: np.ndarray
-    verdicts: Sequence[int]
-    unsolved: int = 0
-    elastic: Sequence[float] = ()
+    verdicts: np.ndarray
+    unsolved: np.ndarray
+    elastic: np.ndarray
+    problems: np.ndarray
+
+    @classmethod
+    def empty(cls, study: Study, k: int) -> Samples:
+        """Return k samples without a figure."""
+        return cls(
+            np.full((k, len(study.scene.drives), len(FIGURES)), np.nan),
+            np.full((k, len(study.criteria)), NOT_CHECKED, dtype=np.int8),
+            np.zeros(k, dtype=int),
+            np.full((k, len(study.elastic)), np.nan),
+            np.full(k, "", dtype=object),
+        )
+
+    def put(self, rows: np.ndarray | int, others: Sequence[Any]) -> None:
+        """Set some rows to those of others; fields that they lack stay."""
+        for mine, theirs in zip(self, others, strict=False):
+            mine[rows] = theirs
 
 
-def compute(study: Study, rows: np.ndarray, values: np.ndarray) -> pd.DataFrame:
-    """Return the figures of some samples, one per row.
-
-    Columns: `sample`, the parameters, `<drive>.<figure>`, `<drive>.<criterion>` (true, false, or
-    missing: not checked), `Study.elastic`, `unsolved`, `problem`.
+def compute(study: Study, values: np.ndarray) -> Samples:
+    """Return the figures of some samples.
 
     Args:
-        rows: (k,) indices of the samples.
         values: (k, number of targets).
     """
-    import pandas as pd
-
-    n, sums = len(rows), study.superposition
-    figures = np.full((n, len(study.scene.drives), len(FIGURES)), np.nan)
-    codes = np.full((n, len(study.criteria)), NOT_CHECKED)
-    elastic = np.full((n, len(study.elastic)), np.nan)
-    unsolved, problems, others = np.zeros(n, dtype=int), [""] * n, np.arange(n)
+    n, sums = len(values), study.superposition
+    samples, others = Samples.empty(study, n), np.arange(n)
     if sums is not None:
         summed = sums.cycles(values)
         some, others = np.flatnonzero(summed.fine), np.flatnonzero(~summed.fine)
-        figures[some], codes[some] = _judged(study, summed, some)
+        samples.put(some, _judged(study, summed, some))
     for k in map(int, others):
         try:
-            one = cycle_figures(study, values[k])
-            figures[k], codes[k], unsolved[k], elastic[k] = one
+            samples.put(k, cycle_figures(study, values[k]))
         except PinfricError as problem:  # of this sample: the others go on
-            unsolved[k], problems[k] = len(study.trajectory.t), str(problem)
-    table = figures.reshape(n, -1)
-    drives = study.scene.actuator_names
-    columns: dict[str, Any] = {"sample": rows}
-    columns |= {target.name: values[:, j] for j, target in enumerate(study.targets)}
-    named = [f"{drive}.{figure}" for drive in drives for figure in FIGURES]
-    columns |= dict(zip(named, table.T, strict=True))
-    for k, name in enumerate(map(".".join, study.criteria)):
-        columns[name] = pd.arrays.BooleanArray(codes[:, k] == MET, codes[:, k] == NOT_CHECKED)
-    columns |= {name: elastic[:, k] for k, name in enumerate(study.elastic)}
-    return pd.DataFrame(columns | {"unsolved": unsolved, "problem": problems})
+            samples.unsolved[k], samples.problems[k] = len(study.trajectory.t), str(problem)
+    return samples
 
 
 def _judged(study: Study, cycles: Summed, some: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -157,8 +153,10 @@ def _judged(study: Study, cycles: Summed, some: np.ndarray) -> tuple[np.ndarray,
     return np.concatenate((demands, margins[:, :, None]), axis=2), np.hstack(verdicts)
 
 
-def cycle_figures(study: Study, sample: Sequence[float] | np.ndarray) -> SampleFigures:
-    """Return the figures of one cycle by inverse dynamics with the sample's values."""
+def cycle_figures(
+    study: Study, sample: Sequence[float] | np.ndarray
+) -> tuple[np.ndarray, Sequence[int], int, Sequence[float]]:
+    """Return one cycle's row of `Samples`, by inverse dynamics with the sample's values."""
     scene, trajectory = apply(study.scene, study.trajectory, study.targets, list(sample))
     # one thread: the processes share the cores already
     result = inverse_dynamics(scene, trajectory, threads=1)
@@ -166,7 +164,7 @@ def cycle_figures(study: Study, sample: Sequence[float] | np.ndarray) -> SampleF
     margins, verdicts = _verdicts(study, result, inertias)
     elastic = elastic_figures(result) if study.elastic else ()
     unsolved = int(np.isnan(result.effort_lower).any(axis=1).sum())
-    return SampleFigures(np.column_stack((reduce(result), margins)), verdicts, unsolved, elastic)
+    return np.column_stack((reduce(result), margins)), verdicts, unsolved, elastic
 
 
 def elastic_figures(result: InverseResult) -> tuple[float, ...]:

@@ -15,9 +15,9 @@ from pinfric.errors import PinfricWarning, SweepError
 from pinfric.model.scene import Scene, expect_scene
 from pinfric.motions.summary import effort_unit, motor_unit
 from pinfric.motions.trajectory import Trajectory
-from pinfric.sweeps.cycle import FIGURES, Study, compute
+from pinfric.sweeps.cycle import Samples, Study, compute
 from pinfric.sweeps.file import SweepFile, load_sweep
-from pinfric.sweeps.motors import motors_on_trial
+from pinfric.sweeps.motors import MET, NOT_CHECKED, motors_on_trial
 from pinfric.sweeps.parameters import draw, resolve
 from pinfric.sweeps.result import SweepResult
 from pinfric.sweeps.workers import compute_in_parallel
@@ -77,13 +77,11 @@ def sweep(
     study = Study(equipped, trajectory, targets, trials)
     values = draw(targets, entries)
     samples, used = _samples(study, values, progress, processes)
-    problems = tuple(samples["problem"])
+    problems = tuple(samples.problems)
     if all(problems):
         raise SweepError(f"{source}: no sample could be computed; the first: {problems[0]}")
     names = scene.actuator_names
-    columns = [f"{drive}.{figure}" for drive in names for figure in FIGURES]
-    figures = samples[columns].to_numpy(dtype=float).reshape(len(values), len(names), -1)
-    notes = _notes(study, values, figures, problems)
+    notes = _notes(study, values, samples.figures, problems)
     for note in notes:
         warnings.warn(note, PinfricWarning, stacklevel=2)
     return SweepResult(
@@ -97,19 +95,22 @@ def sweep(
         units=tuple(effort_unit(scene, i) for i in range(len(names))),
         motor_units=tuple(motor_unit(equipped, i) for i in range(len(names))),
         values=values,
-        figures=figures,
+        figures=samples.figures,
         verdicts=pd.DataFrame(
-            {key: samples[".".join(key)].astype("boolean") for key in study.criteria},
+            {
+                key: pd.arrays.BooleanArray(codes == MET, codes == NOT_CHECKED)
+                for key, codes in zip(study.criteria, samples.verdicts.T, strict=True)
+            },
             index=range(len(values)),
             dtype="boolean",
         ),
-        unsolved=samples["unsolved"].to_numpy(),
+        unsolved=samples.unsolved,
         problems=problems,
         trials=trials,
         percentiles=entries.percentiles,
         processes=used,
         notes=notes,
-        elastic=samples[list(study.elastic)].to_numpy(dtype=float),
+        elastic=samples.elastic,
     )
 
 
@@ -118,18 +119,17 @@ def _samples(
     values: np.ndarray,
     progress: Callable[[int, int], object] | None,
     processes: int | None,
-) -> tuple[pd.DataFrame, int]:
-    """Return all samples as `compute` does, in order, and the number of processes."""
+) -> tuple[Samples, int]:
+    """Return all samples as `compute` does, and the number of processes."""
     from joblib import cpu_count, effective_n_jobs
 
-    frames: list[pd.DataFrame] = []
     n, done = len(values), 0
-    indices = np.arange(n)
+    whole = Samples.empty(study, n)
     tell = progress or (lambda done, total: None)
     tell(done, n)
     for few in (1, min(n, _FEW)):  # kernels are loaded by the first
         start = perf_counter()
-        compute(study, indices[:few], values[:few])
+        compute(study, values[:few])
         seconds = (perf_counter() - start) / few
     used = min(processes, int(cpu_count())) if processes else int(effective_n_jobs())
     if processes is None and used == 1 and seconds * n >= _SHORT:
@@ -138,17 +138,16 @@ def _samples(
     size = int(np.clip(_BATCH / max(seconds, 1e-6), 1, _MOST_PER_BATCH))
     size = max(min(size, n // (4 * used)), 1)
     used = min(used, -(-n // size))
-    parts = (indices[start : start + size] for start in range(0, n, size))
-    batches: Iterable[pd.DataFrame]
+    parts = (np.arange(start, min(start + size, n)) for start in range(0, n, size))
+    batches: Iterable[tuple[np.ndarray, Samples]]
     if used == 1:
-        batches = (compute(study, rows, values[rows]) for rows in parts)
+        batches = ((rows, compute(study, values[rows])) for rows in parts)
     else:
         batches = compute_in_parallel(study, parts, values, processes, used)
-    for batch in batches:
-        frames.append(batch)
-        done += len(batch)
+    for rows, batch in batches:
+        whole.put(rows, batch)
+        done += len(rows)
         tell(done, n)
-    whole = pd.concat(frames, ignore_index=True).sort_values("sample", ignore_index=True)
     return whole, used
 
 

@@ -18,12 +18,11 @@ from threading import Thread
 from time import sleep
 
 import numpy as np
-import pandas as pd
 
 from pinfric import __version__
 from pinfric.drives.limits import LIMITS, OWN_LIMITS
 from pinfric.errors import SweepError
-from pinfric.sweeps.cycle import Study, compute
+from pinfric.sweeps.cycle import Samples, Study, compute
 
 #: How often a process looks whether the one that started it is still there (s).
 _LOOK = 0.5
@@ -41,8 +40,8 @@ def compute_in_parallel(
     values: np.ndarray,
     processes: int | None,
     jobs: int,
-) -> Iterator[pd.DataFrame]:
-    """Yield the batches' figures as they complete, in any order.
+) -> Iterator[tuple[np.ndarray, Samples]]:
+    """Yield the batches and their figures as they complete, in any order.
 
     Args:
         batches: (k,) rows of `values` each.
@@ -112,11 +111,12 @@ def _signals_kept() -> Iterator[None]:
 
 def _compute_packed(
     packed: tuple[str, bytes], batch: tuple[np.ndarray, np.ndarray]
-) -> pd.DataFrame:
+) -> tuple[np.ndarray, Samples]:
     version, study = packed  # which packed it
     if version != __version__:
         raise SweepError(f"a worker has pinfric {__version__}, this machine {version}")
-    return compute(_unpacked(study), *batch)
+    rows, values = batch
+    return rows, compute(_unpacked(study), values)
 
 
 @lru_cache(maxsize=1)

@@ -24,7 +24,7 @@ from pinfric.drives.catalog_file import load_catalog
 from pinfric.errors import SweepError
 from pinfric.model.described import in_json
 from pinfric.motions.summary import summarize
-from pinfric.sweeps.cycle import FIGURES, Study, compute
+from pinfric.sweeps.cycle import Study, compute
 from pinfric.sweeps.file import load_sweep
 from pinfric.sweeps.motors import motors_on_trial
 from pinfric.sweeps.parameters import resolve
@@ -318,9 +318,8 @@ def test_verdicts_travel(tmp_path):
     entries, source = load_sweep(sweep)
     equipped, trials = motors_on_trial(scene, entries, source)
     study = Study(equipped, motion, resolve(scene, entries, source), trials)
-    block = compute(pickle.loads(pickle.dumps(study)), np.arange(6), found.values)
-    for name in FIGURES:
-        assert_array_equal(block[f"table.{name}"], found.figure(name)[:, 0])
+    block = compute(pickle.loads(pickle.dumps(study)), found.values)
+    assert_array_equal(block.figures, found.figures)
     assert 0 < found.sufficing().sum() < 6
 
 

@@ -4,7 +4,6 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
-import pandas as pd
 import pytest
 from builders import dry
 from numpy.testing import assert_array_equal
@@ -85,9 +84,7 @@ def study_of(scene, motion, samples=4, **parameters):
 
 def figures(study, rows, values):
     """(k, na, number of `FIGURES`)."""
-    table = compute(study, np.asarray(rows), values[rows])
-    names = [f"{drive}.{name}" for drive in study.scene.actuator_names for name in FIGURES]
-    return table[names].to_numpy().reshape(len(rows), -1, len(FIGURES))
+    return compute(study, values[rows]).figures
 
 
 def assert_equal_to_inverse_dynamics(study, values):
@@ -95,7 +92,7 @@ def assert_equal_to_inverse_dynamics(study, values):
     general = np.array([cycle_figures(study, sample)[0] for sample in values])
     scale = np.abs(general).max(axis=(0, 1))
     assert (np.abs(figures(study, rows, values) - general) <= 1e-12 * scale).all()
-    assert list(compute(study, rows, values)["problem"]) == [""] * len(values)
+    assert list(compute(study, values).problems) == [""] * len(values)
 
 
 ALL = {
@@ -216,7 +213,7 @@ def test_a_cycle_that_cannot_be_is_refused_as_by_inverse_dynamics():
         scene, swing(scene), speed=uniform(1.0, 2.0), payload__box__mass=uniform(1.0, 2.0)
     )
     values[:] = [[1e-19, 1.0], [1e12, 1.0], [1.0, 1e151], [1.0, 1.0]]
-    block = compute(study, np.arange(4), values)
+    block = compute(study, values)
     said = []
     for sample in values:
         try:
@@ -224,7 +221,7 @@ def test_a_cycle_that_cannot_be_is_refused_as_by_inverse_dynamics():
             said.append("")
         except PinfricError as problem:
             said.append(str(problem))
-    assert list(block["problem"]) == said
+    assert list(block.problems) == said
     assert [bool(text) for text in said] == [True, True, False, False]
     assert np.isfinite(figures(study, [2, 3], values)).all()
 
@@ -234,7 +231,7 @@ def test_one_sample_of_a_motion_is_too_few_to_judge_a_drive_and_that_is_said():
     whole = swing(scene)
     one = pf.Trajectory.from_arrays(scene, whole.t[:1], whole.q[:1], whole.v[:1], whole.a[:1])
     study, values = judged_study(scene, one)
-    assert "two samples" in compute(study, np.arange(3), values)["problem"][0]
+    assert "two samples" in compute(study, values).problems[0]
 
 
 VARIED = "friction.*.mu", "payload.box.mass", "payload.tool.com.y", "speed", "mounting.roll"
@@ -252,17 +249,15 @@ def judged_study(scene, motion, drive=TBM, joint=TABLE, varied=VARIED, **more):
 def assert_judged_as_on_inverse_dynamics(study, values):
     """Of each criterion and sample the verdict, of each sample the least margin."""
     assert study.superposition is not None
-    block = compute(study, np.arange(len(values)), values)
+    block = compute(study, values)
     (trial,) = study.trials
     for k, sample in enumerate(values):
-        alone = cycle_figures(study, sample)
-        for name, code in zip(trial.checks, alone.verdicts, strict=True):
-            found = block[f"{trial.drive}.{name}"][k]
-            assert (NOT_CHECKED if found is pd.NA else int(found)) == code, name
-        margin = alone.figures[trial.actuator, FIGURES.index("margin")]
-        found = block[f"{trial.drive}.margin"][k]
-        assert found == pytest.approx(margin, rel=1e-9, abs=1e-11)
-    return block
+        figures, verdicts, *_ = cycle_figures(study, sample)
+        named = zip(trial.checks, verdicts, block.verdicts[k], strict=True)
+        assert [name for name, alone, summed in named if alone != summed] == []
+        margin = trial.actuator, FIGURES.index("margin")
+        assert block.figures[k][margin] == pytest.approx(figures[margin], rel=1e-9, abs=1e-11)
+    return dict(zip(trial.checks, block.verdicts.T, strict=True))
 
 
 HEAVY = {"life": 20_000.0, "back_driving": "required", "bus_voltage": 24.0}
@@ -294,8 +289,8 @@ def test_drives_of_joints_without_friction_by_loads_are_judged():
     """Nothing else needs the wrenches of which the bearing's loads are."""
     scene = arm().with_(friction={TABLE: dry(2.0, 1.0)})
     study, values = judged_study(scene, swing(scene), varied=VARIED[1:], conditions=HEAVY)
-    block = assert_judged_as_on_inverse_dynamics(study, values)
-    assert block[f"{TABLE}.bearing tilting moment"].notna().all()
+    verdicts = assert_judged_as_on_inverse_dynamics(study, values)
+    assert (verdicts["bearing tilting moment"] != NOT_CHECKED).all()
 
 
 def test_drives_whose_rows_read_samples_are_left_to_inverse_dynamics():
@@ -307,7 +302,7 @@ def test_drives_whose_rows_read_samples_are_left_to_inverse_dynamics():
         study, values = judged_study(scene, swing(scene), drive)
         assert study.trials[0].by_figures == by_figures
         assert (study.superposition is not None) == by_figures
-        assert list(compute(study, np.arange(3), values)["problem"]) == [""] * 3
+        assert list(compute(study, values).problems) == [""] * 3
 
 
 def test_a_section_that_superposition_does_not_know_is_left_to_inverse_dynamics():

@@ -59,7 +59,7 @@ def test_no_more_processes_than_cores_and_batches_are_started(monkeypatch):
 
     def compute_here(study, batches, values, processes, jobs):
         asked.append(jobs)
-        return (compute(study, rows, values[rows]) for rows in batches)
+        return ((rows, compute(study, values[rows])) for rows in batches)
 
     monkeypatch.setattr("pinfric.sweeps.run.compute_in_parallel", compute_here)
     monkeypatch.setattr("joblib.cpu_count", lambda: 64)
