@@ -37,12 +37,17 @@ def joint_inertias(scene: Scene, states: States) -> np.ndarray:
     couples M_jj. Payloads count while they are carried; rotors (Pinocchio's armature) do not. NaN:
     drives of a loop do not determine its motion.
     """
-    inertia = np.empty((len(states.q), len(scene.drives)))
+    return np.einsum("tdd->td", drive_inertias(scene, states)).copy()
+
+
+def drive_inertias(scene: Scene, states: States) -> np.ndarray:
+    """Return B^T M B (T, na, na), what the drives feel together; as of `joint_inertias`."""
+    count = len(scene.drives)
+    inertia = np.empty((len(states.q), count, count))
     for start, stop, carried in states.phases(scene):
         q, twin = states.q[start:stop], scene.twin(carried)
-        mass = mass_matrices(twin, q)
-        B = DriveCoordinates.of(scene, twin, q).directions[:, :, : inertia.shape[1]]
-        inertia[start:stop] = np.einsum("tad,tad->td", B, mass @ B)
+        B = DriveCoordinates.of(scene, twin, q).directions[:, :, :count]
+        inertia[start:stop] = B.transpose(0, 2, 1) @ mass_matrices(twin, q) @ B
     return inertia
 
 

@@ -49,8 +49,8 @@ UNSURE_BRAKE_FACTOR = 2.0
 #: s, within which a brake alone stops its joint: Universal Robots UR5, user manual CB3 3.4.5, p.
 #: I-53, category 0 at full speed and reach: base 0.24, shoulder 0.53, elbow 0.16 s.
 STOP_TIME = 0.5
-#: Reserve of gears on their peaks in stops of rigid gears, by algebra and by simulation: simulated
-#: peaks are 0.68 to 1.15 of the algebra's, once 1.32, and elastic gears ring.
+#: Reserve of gears on their peaks in stops of rigid gears, by algebra and by simulation: elastic
+#: gears ring.
 STOP_FACTOR = 1.3
 #: Figures that a provisional drive may lack: no torque.
 EXTRA_INERTIAS = frozenset(("input inertia", "rotor inertia"))

@@ -51,9 +51,15 @@ def gear_peaks(
     in the drives' own coordinates u, v = B u (`DriveCoordinates`): M stands for B^T M B, and h for
     B^T (M gamma + h). T_b = 0 of open brakes. h is gravity and springs, and what the velocities of
     S add; eta_b the efficiency of the gear that the load drives (`shock_efficiency`). Friction of
-    the joints is left out. The gear of a joint at rest passes at most r T_b/eta_b: beyond, its
-    brake slips. A self-locking gear, eta_b <= 0, stands as soon as power is off, and passes what
-    comes. What no drive moves is free in every set. NaN: drives do not determine the motion.
+    the joints is left out. The gear of a joint at rest passes r T_b/eta_b before its brake slips.
+    Beyond, the others drag the joint along, and its gear turns the rotor, too: of a load t that
+    would hold it still it passes
+
+        r T_b/eta_b + (r^2 J/eta_b) (t - r T_b/eta_b)/(M_ii + r^2 J/eta_b - M_iS K^-1 M_Si),
+
+    K the matrix in brackets above. A self-locking gear, eta_b <= 0, stands as soon as power is
+    off, and passes what comes. What no drive moves is free in every set. NaN: drives do not
+    determine the motion.
 
     Args:
         machine: a chain, or one with loops.
@@ -103,7 +109,12 @@ def gear_peaks(
             a = np.linalg.solve(inertia, push.transpose(0, 2, 1))
             effort = np.abs(M[rows][:, :, S] @ a + h[:, :, None]).transpose(0, 2, 1)
             others = np.delete(np.arange(rate.shape[1]), S)
-            effort[..., others] = np.minimum(effort[..., others], passes[:, others])
+            felt = M[rows][:, others][:, :, S]
+            alone = np.einsum("tii->ti", M[rows])[:, others] + heavy[others]
+            alone -= np.einsum("tis,tsi->ti", felt, np.linalg.solve(inertia, felt.mT))
+            turns = np.divide(heavy[others], alone, out=np.zeros(alone.shape), where=alone > 0.0)
+            holds = np.minimum(effort[..., others], passes[:, others])
+            effort[..., others] = holds + turns[:, None] * (effort[..., others] - holds)
             most[rows] = np.maximum(most[rows], effort.max(axis=1))
     return most[:, :count]
 
@@ -113,7 +124,8 @@ def cycle_peaks(
 ) -> np.ndarray:
     """Return (na,) the largest efforts of the gears in all stops of a cycle, N m or N.
 
-    Of `gear_peaks`, with greatest friction and brakes, without payload and with the full load, at
+    Of the cycle itself, which goes on until the drives react, and of `gear_peaks`, with greatest
+    friction and brakes, without payload and with the full load, at
     80 samples and those of each axis's largest speed. Category 0: brakes stop what moves. Category
     1: the drives' efforts do, or see `braking`; then what friction does not hold falls from rest
     until its brake closes. What moves no mass is left at rest.
@@ -127,6 +139,7 @@ def cycle_peaks(
     picked = np.unique(np.concatenate([spread, fastest]))
     q, v, rate = trajectory.q[picked], trajectory.v[picked], rate[picked]
     most, powered = [np.zeros(rate.shape[1])], machines.settings.category == 1
+    powers = [inverse_dynamics(machines.of(MachineKind(True, 0.0)).scene, trajectory), *powers]
     for load in {0.0, 1.0} if machines.full else {0.0}:
         machine = machines.of(MachineKind(True, load))
         light = np.append(massless(machine.scene, machine.carried), False)  # [-1]: off the joints

@@ -24,7 +24,7 @@ import numpy as np
 
 from pinfric.drives.brake import closing_way
 from pinfric.drives.demand import driven_joint
-from pinfric.drives.inertia import joint_inertias
+from pinfric.drives.inertia import drive_inertias
 from pinfric.dynamics.inverse.inverse import inverse_dynamics
 from pinfric.dynamics.inverse.result import InverseResult
 from pinfric.dynamics.samples.closure import working_rates
@@ -46,6 +46,8 @@ _HILLS, _LEAST_HILL = 3, 0.5
 _FINEST = 400
 #: An estimate divides by at least this part of the brake's torque.
 _LEAST_SHARE = 0.1
+#: Part of its friction at rest that slows a joint without a brake: in motion it is less.
+_SLIDES = 0.5
 #: A torque this small beside the load is rounding.
 _ROUNDING = 1e-9
 
@@ -102,7 +104,8 @@ class StopCycle:
         reaction: until the drives react, s.
         rate: (T, na) of the drives' joints. way: (T, na) their way since the start, rad or m.
         path: (T,) the tool's way since the start; None without a tool.
-        hold: (T, na) effort that holds each joint at rest, by full load or not.
+        hold: (T, na) effort that holds each joint at rest, by full load or not. rubs: (T, na)
+            least friction at rest of its gear and joint, N m or N, by full load or not.
         place: (na,) number in q of each drive's joint. limits: (na, 2) its lower and upper limit,
             rad or m; infinite where it has none, or no single number.
     """
@@ -113,6 +116,7 @@ class StopCycle:
     way: np.ndarray
     path: np.ndarray | None
     hold: dict[bool, np.ndarray]
+    rubs: dict[bool, np.ndarray]
     place: np.ndarray
     limits: np.ndarray
 
@@ -122,15 +126,17 @@ class StopCycle:
         scene, (q, v) = machines.scene, (trajectory.q, trajectory.v)
         rate = working_rates(scene, q, v)[0]
         way = running_integral(trajectory.t, rate)
-        path, zero, hold = tool_path(scene, (), q), np.zeros_like(v), {}
+        path, zero, hold, rubs = tool_path(scene, (), q), np.zeros_like(v), {}, {}
         for full in {False, bool(machines.full)}:
             least = machines.of(MachineKind(False, float(full))).scene
             carried = carried_by(machines, float(full), len(q))
             still = inverse_dynamics(least, q, zero, zero, t=trajectory.t, attached=carried)
             _check_unbraked(still, "the full load" if full else "nothing", machines.products)
             hold[full] = still.effort_frictionless
+            shaft = still.motor_torque_upper - still.motor_torque_lower
+            rubs[full] = np.abs([drive.ratio for drive in scene.drives]) * shaft / 2.0
         reaction, limits = machines.settings.reaction_time, position_limits(scene)
-        return cls(trajectory, reaction, rate, way, path, hold, *limits)
+        return cls(trajectory, reaction, rate, way, path, hold, rubs, *limits)
 
     def before(self, sample: int, speed: float) -> tuple[float, np.ndarray, float | None]:
         """Return time of the command (s), the joints' ways since then (na,), the tool's (m).
@@ -261,7 +267,7 @@ class StopSearch:
         """Return the samples that are simulated first."""
         t, rate = self.cycle.trajectory.t, self.cycle.rate
         chosen = set(np.linspace(0, len(t) - 1, _SPREAD).astype(int).tolist())
-        inertia, score = estimates(self.machines, self.cycle, kind)
+        inertia, score, _ = estimates(self.machines, self.cycle, kind)
         resting = np.where(rate == 0.0, np.abs(self.cycle.hold[kind.load > 0.0]), -1.0)
         for order in (score, np.abs(rate), resting):
             chosen |= set(np.argmax(order, axis=0).tolist())
@@ -376,38 +382,78 @@ def stopped(cycle: StopCycle, case: StopCase, motion: StopMotion) -> Stopped:
     )
 
 
-def estimates(
-    machines: Machines, cycle: StopCycle, kind: MachineKind
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return inertias (T, na) at the joints with rotors, and the estimated travels (T, na).
+class Estimates(NamedTuple):
+    """What of stops from each sample is estimated.
+
+    Attributes:
+        inertia: (T, na) at the joints, with rotors, kg m^2 or kg.
+        way: (T, na) of each joint as if it moved alone (see the module), rad or m.
+        most: (T, na) with what others' stops add, who may drag it along although it stands, and
+            gravity: w = |v_i| + sum_k |M_ik| |v_k|/I_i in place of |v_i|, in either direction.
+            Simulated ways are at most 1.03 of it. Infinite: nothing slows it.
+    """
+
+    inertia: np.ndarray
+    way: np.ndarray
+    most: np.ndarray
+
+
+def estimates(machines: Machines, cycle: StopCycle, kind: MachineKind) -> Estimates:
+    """Return what is estimated of stops from each sample.
 
     Args:
         kind: with which load, and whether brakes are greatest.
     """
     machine, trajectory, d = machines.of(kind), cycle.trajectory, machines.deceleration
-    states = States(
-        trajectory.q,
-        trajectory.v,
-        trajectory.a,
-        None,
-        carried_by(machines, kind.load, len(trajectory.q)),
-    )
+    full = kind.load > 0.0
+    carried = carried_by(machines, kind.load, len(trajectory.q))
+    states = States(trajectory.q, trajectory.v, trajectory.a, None, carried)
     gears = [drive.transmission for drive in machine.scene.drives]
     ratio = np.array([abs(drive.ratio) for drive in machine.scene.drives])
     rotor = np.array([0.0 if gear is None else gear.rotor_inertia for gear in gears])
-    inertia = joint_inertias(machine.scene, states) + ratio**2 * rotor
+    masses = drive_inertias(machine.scene, states)
+    inertia = np.einsum("tii->ti", masses) + ratio**2 * rotor
     speed, delay = np.abs(cycle.rate), _per_drive(machine, machine.delay)
-    push = -cycle.hold[kind.load > 0.0] * np.sign(cycle.rate)
+    push = -cycle.hold[full] * np.sign(cycle.rate)
     torque = ratio * _per_drive(machine, machine.drive_torque or machine.torque)
-    torque = np.where(torque > 0.0, torque, np.abs(push).max() + 1e-9)
-    braking = np.maximum(torque - push, _LEAST_SHARE * torque)
+    # 1. By itself
+    stops = np.where(torque > 0.0, torque, np.abs(push).max() + 1e-9)
+    braking = np.maximum(stops - push, _LEAST_SHARE * stops)
+    way = speed * (cycle.reaction + delay) + closing_way(inertia, speed, push, delay, braking)
     if d is not None:  # the drives impose the motion
         ramp = speed / np.array([d[drive.velocity_index] for drive in machine.scene.drives])
         if machines.settings.along_path:
             ramp = ramp.max(axis=1, keepdims=True)
-        return inertia, speed * (cycle.reaction + ramp / 2.0)
-    way = closing_way(inertia, speed, push, delay, braking)
-    return inertia, speed * (cycle.reaction + delay) + way
+        way = speed * (cycle.reaction + ramp / 2.0)
+    # 2. With the others: braked until rest, then without power until the brakes have closed
+    drag = np.einsum("tik,tk->ti", np.abs(masses), speed) / inertia
+    drag -= np.einsum("tii->ti", masses) / inertia * speed
+    most, load = way if d is not None else speed * cycle.reaction, np.abs(cycle.hold[full])
+    if machine.drive_torque:
+        most = most + _dragged(inertia, speed + drag, load, 0.0, torque)
+    powered = d is not None or bool(machine.drive_torque)
+    if not (powered and machine.holds):
+        brake = ratio * _per_drive(machine, machine.torque)
+        slows = np.where(brake > 0.0, brake, _SLIDES * cycle.rubs[full])
+        start = 0.0 * speed if powered else speed + drag
+        most = most + _dragged(inertia, start, load, delay, slows)
+    return Estimates(inertia, way, np.where(np.isnan(most), np.inf, most))
+
+
+def _dragged(
+    inertia: np.ndarray,
+    speed: np.ndarray,
+    load: np.ndarray,
+    delay: float | np.ndarray,
+    torque: np.ndarray,
+) -> np.ndarray:
+    """Return the way (T, na) with a load along it, and a torque against it after a delay (s)."""
+    left = np.maximum(torque - load, _LEAST_SHARE * torque)
+    moves = (speed > 0.0) | (load * delay > 0.0)
+    stops = np.where(left > 0.0, left, 1.0)
+    way = (speed + load * delay / (2.0 * inertia)) * delay
+    way += closing_way(inertia, speed, load, delay, stops)
+    return np.where(moves & (left <= 0.0), np.inf, way)
 
 
 def _per_drive(machine: BrakedMachine, figures: Mapping[str, float]) -> np.ndarray:

@@ -46,11 +46,19 @@ def three_axes():
     )
 
 
+def driven(model, q, v, moving, push, hose):
+    """(3,) efforts of the gears: some joints move with a push (3,) and their rotors."""
+    model.armature = np.where(moving, RATIOS**2 * ROTORS / BACK, 1e9)
+    a = pin.aba(model, model.createData(), q, v, push + hose)
+    model.armature = np.zeros(3)
+    return pin.rnea(model, model.createData(), q, v, a) - hose
+
+
 def by_forward_dynamics(scene, carried, q, v, direction, hose):
     """(3,) the largest efforts of one sample, with torques (3,) of hoses.
 
     Rotors, seen through gears that pass 1/eta_b, are Pinocchio's armature; joints at rest have so
-    much of it that they do not move.
+    much of it that they do not move. A joint whose brake slips moves from rest.
     """
     model, most = scene.loaded_model(carried), np.zeros(3)
     pushes = np.abs(RATIOS) * BRAKES / BACK
@@ -58,12 +66,14 @@ def by_forward_dynamics(scene, carried, q, v, direction, hose):
         moving = np.array(moving) & (direction != 0)
         if not moving.any():
             continue
-        model.armature = np.where(moving, RATIOS**2 * ROTORS / BACK, 1e9)
         push, speed = -(np.array(closed) * pushes * direction), np.where(moving, v, 0.0)
-        a = pin.aba(model, model.createData(), q, speed, np.where(moving, push, 0.0) + hose)
-        model.armature = np.zeros(3)
-        effort = np.abs(pin.rnea(model, model.createData(), q, speed, a) - hose)
-        effort[~moving] = np.minimum(effort[~moving], (np.array(closed) * pushes)[~moving])
+        effort = driven(model, q, speed, moving, np.where(moving, push, 0.0), hose)
+        brakes = np.array(closed) * pushes
+        for k in np.flatnonzero(~moving & (np.abs(effort) > brakes)):
+            slips, pulled = moving.copy(), np.where(moving, push, 0.0)
+            slips[k], pulled[k] = True, np.sign(effort[k]) * brakes[k]
+            effort[k] = driven(model, q, speed, slips, pulled, hose)[k]
+        effort = np.abs(effort)
         most = np.maximum(most, effort)
     return most
 
@@ -121,15 +131,21 @@ def test_peaks_of_coupled_drives_and_beside_free_joints_by_one_linear_system(nam
         speed = np.linalg.solve(np.vstack([S, free]), rates)
         h, M = pin.rnea(model, data, q[k], speed, np.zeros(3)), pin.crba(model, data, q[k])
         M = np.triu(M) + np.triu(M, 1).T
-        # unknown: a, t; t = -push sign - heavy S a where it moves, S a = 0 where it rests
-        A = np.block(
-            [[M, -S.T], [np.where(rest[:, None], 1.0, heavy[:, None]) * S, np.diag(~rest)]]
-        )
-        b = np.concatenate([-h, np.where(rest, 0.0, -push * direction[k])])
-        t = np.abs(np.linalg.solve(A.astype(float), b)[3:])
         if n == 3 and rest.all():
             continue
-        most[k] = np.maximum(most[k], np.where(rest, np.minimum(t, push), t))
+
+        def efforts(still, pulled, M=M, h=h):
+            # unknown: a, t; t = pulled - heavy S a where it moves, S a = 0 where it rests
+            turns = np.where(still[:, None], 1.0, heavy[:, None]) * S
+            A = np.block([[M, -S.T], [turns, np.diag(~still)]]).astype(float)
+            return np.linalg.solve(A, np.concatenate([-h, pulled]))[3:]
+
+        pulled = np.where(rest, 0.0, -push * direction[k])
+        t = efforts(rest, pulled)
+        for j in np.flatnonzero(rest & (np.abs(t) > push)):  # its brake slips
+            slips = np.arange(n) == j
+            t[j] = efforts(rest & ~slips, np.where(slips, np.sign(t[j]) * push, pulled))[j]
+        most[k] = np.maximum(most[k], np.abs(t))
     assert_allclose(found, most, rtol=1e-6)
 
 
@@ -212,7 +228,7 @@ def test_peaks_of_a_lift_by_hand(name):
     "name", ["ur10_machine_tending", "ur5_pick_and_place", "panda_pick_and_place"]
 )
 def test_simulated_stops_of_sized_robots_load_their_gears_as_the_algebra_says(name):
-    """Of joints that are loaded above a tenth of what their gears bear; a cycle may ask more."""
+    """Of joints that are loaded above a tenth of what their gears bear."""
     scene, motion = example(name)
     required = {"holding_brake": "all"}
     report = pf.size(scene, motion, "default", conditions=required, on_miss="ignore")
@@ -220,11 +236,11 @@ def test_simulated_stops_of_sized_robots_load_their_gears_as_the_algebra_says(na
     found = pf.stop(equipped, motion)
     simulated = np.array([axis.peak for axis in found.axes])
     bears = np.array([d.transmission.momentary_peak for d in equipped.drives])
-    own = np.array([joint.demand.peak for joint in report.joints])
-    algebra = np.maximum(cycle_peaks(found.search.machines, motion, ()), own)
+    algebra = cycle_peaks(found.search.machines, motion, ())
+    assert (algebra >= [joint.demand.peak for joint in report.joints]).all()  # of the cycle itself
     ratio = (simulated / algebra)[simulated > 0.1 * bears]
-    assert 0.68 < ratio.min() <= ratio.max() < 1.15
-    assert np.median(ratio) == pytest.approx(0.95, abs=0.1)
+    assert 0.68 < ratio.min() <= ratio.max() < 1.1
+    assert np.median(ratio) == pytest.approx(0.91, abs=0.1)
     screened = screened_stops(found.search.machines, motion, algebra, lambda *_: None)
     for own, stopped in zip(screened.criteria, found.axes, strict=True):
         judged = {c.name: c for c in own}

@@ -15,7 +15,8 @@ from pinfric.drives.criterion import Status
 from pinfric.errors import StopError, TrajectoryError
 from pinfric.stops.machines import MachineKind, Machines, stop_settings
 from pinfric.stops.peaks import braking
-from pinfric.stops.search import StopCase, StopCycle
+from pinfric.stops.screen import screened_stops
+from pinfric.stops.search import StopCase, StopCycle, estimates
 from pinfric.stops.study import SHARES, stops_of
 
 NAMES = ("lift", "elbow")
@@ -77,6 +78,30 @@ def test_the_worst_is_that_of_every_sample(found):
         assert nearest == pytest.approx(most, abs=0.01 * axis.travel)
     assert found.longest.time == pytest.approx(max(stop.time for stop in every), rel=0.01)
     assert found.farthest.path == pytest.approx(max(stop.path for stop in every), rel=0.01)
+
+
+@pytest.mark.parametrize("room", [4.0, 0.05])
+def test_a_joint_that_stands_is_dragged_along_by_the_stop_of_another(room):
+    """The elbow stands all the time, near its limit; the stop of the lift throws it past it."""
+    scene = braked()
+    model = scene.model.copy()
+    model.upperPositionLimit = np.array([10.0, room])
+    model.lowerPositionLimit = -np.array([10.0, room])
+    motion, scene = swing(scene), scene.with_(model=model)
+    still = np.array([1.0, 0.0])
+    motion = pf.Trajectory.from_arrays(
+        scene, motion.t, motion.q * still, motion.v * still, motion.a * still
+    )
+    machines = Machines(scene, stop_settings(scene, None), ("box",))
+    screened = screened_stops(machines, motion, None, lambda *_: None)
+    whole = stops_of(machines, motion)
+    elbow, seen = whole.axes[1], {c.name: c for c in screened.criteria[1]}
+    assert 0.05 < elbow.travel < 0.3
+    place = {c.name: c for c in elbow.criteria}["position limit"]
+    assert (place.fails, seen["position limit"].fails) == (room == 0.05, room == 0.05)
+    assert seen["position limit"].source.startswith("simulated") == (room == 0.05)
+    bounds = [estimates(machines, whole.search.cycle, kind).most for kind in whole.search.kinds]
+    assert elbow.travel < max(float(most[:, 1].max()) for most in bounds)
 
 
 @pytest.mark.slow
