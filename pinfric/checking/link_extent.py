@@ -5,7 +5,7 @@ from __future__ import annotations
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -15,16 +15,6 @@ from pinfric.model.magnitudes import LARGEST, impossible
 from pinfric.model.urdf import mesh_file, read_mesh_scene
 
 _CORNERS = np.array(np.meshgrid(*[(-0.5, 0.5)] * 3)).reshape(3, -1).T
-#: Points of a cylinder's ends and of a sphere, with edges of 1: their hulls hold 99 % of them.
-_TURN = np.linspace(0.0, 2.0 * np.pi, 32, endpoint=False)
-_ROUND = np.array([(np.cos(t) / 2, np.sin(t) / 2, end) for t in _TURN for end in (-0.5, 0.5)])
-_BALL = np.array(
-    [
-        (np.cos(t) * np.sin(u) / 2, np.sin(t) * np.sin(u) / 2, np.cos(u) / 2)
-        for t in _TURN
-        for u in np.linspace(0.0, np.pi, 17)
-    ]
-)
 
 
 @dataclass(frozen=True)
@@ -92,7 +82,7 @@ class MeasuredLinks(Mapping[str, Extent]):
     def _measure(self, link: ElementTree.Element) -> Extent | None:
         corners, hulls, solids = list[np.ndarray](), list[float](), list[float]()
         for kind in ("visual", "collision"):
-            points, held, closed = list[np.ndarray](), 0.0, True
+            points, held, hull, closed = list[np.ndarray](), 0.0, 0.0, True
             for shape in link.findall(kind):
                 placed = _shape(shape, self._urdf, self._folders, self.unread)
                 if placed is None:
@@ -112,9 +102,10 @@ class MeasuredLinks(Mapping[str, Extent]):
                     continue
                 corners.append(box)
                 points.append(around)
-                held += body.solid * float(np.abs(np.prod(scale)))
+                grown = float(np.abs(np.prod(scale)))
+                held, hull = held + body.solid * grown, body.hull * grown
                 closed &= body.solid > 0.0
-            hulls.append(_volume(points))
+            hulls.append(hull if len(points) == 1 else _volume(points))
             solids.append(held if closed else 0.0)
         if not corners:
             return None
@@ -130,6 +121,30 @@ class _Shape:
     points: np.ndarray
     solid: float = 0.0
 
+    @cached_property
+    def hull(self) -> float:
+        """Volume of its convex hull."""
+        return _volume([self.points])
+
+
+#: A box; a cylinder and a sphere, with edges of 1: their hulls hold 99 % of them.
+_TURN = np.linspace(0.0, 2.0 * np.pi, 32, endpoint=False)
+_BOX = _Shape(_CORNERS, _CORNERS)
+_ROUND = _Shape(
+    _CORNERS,
+    np.array([(np.cos(t) / 2, np.sin(t) / 2, end) for t in _TURN for end in (-0.5, 0.5)]),
+)
+_BALL = _Shape(
+    _CORNERS,
+    np.array(
+        [
+            (np.cos(t) * np.sin(u) / 2, np.sin(t) * np.sin(u) / 2, np.cos(u) / 2)
+            for t in _TURN
+            for u in np.linspace(0.0, np.pi, 17)
+        ]
+    ),
+)
+
 
 def _shape(
     shape: ElementTree.Element, urdf: Path, folders: Sequence[Path], unread: dict[str, str]
@@ -137,12 +152,12 @@ def _shape(
     """A shape before its scale, and the scale (3,)."""
     (body,) = shape.findall("geometry/*")[:1]
     if body.tag == "box":
-        return _Shape(_CORNERS, _CORNERS), np.array(numbers(body, "size"))
+        return _BOX, np.array(numbers(body, "size"))
     if body.tag != "mesh":
         across = 2.0 * float(body.attrib["radius"])
         height = float(body.get("length", across))
         ring = _BALL if body.tag == "sphere" else _ROUND
-        return _Shape(_CORNERS, ring), np.array([across, across, height])
+        return ring, np.array([across, across, height])
     name = body.get("filename", "")
     path = mesh_file(name, urdf, folders)
     if path is None:

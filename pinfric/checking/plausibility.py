@@ -59,9 +59,10 @@ def check(source: str | Path | Scene, xacro_args: Mapping[str, str] | None = Non
             scene = load_scene(scene)
     if scene.robot is None:
         return CheckReport(scene.source, scene.findings, {}, (scene.source,))
-    urdf = scene.robot.urdf
-    figures = _figures(RobotFacts.of(urdf, scene.robot.xacro_args))
-    return CheckReport(scene.source, scene.findings, figures, (scene.source, str(urdf)))
+    facts, files = _facts(scene.robot), (scene.source, str(scene.robot.urdf))
+    if "findings" not in vars(scene):
+        vars(scene)["findings"] = _ordered(_of_scene(scene, facts, meshes=True))
+    return CheckReport(scene.source, scene.findings, _figures(facts), files)
 
 
 def check_urdf(
@@ -94,10 +95,12 @@ def findings_of(scene: Scene, meshes: bool = True) -> tuple[Finding, ...]:
     `scene.findings` keeps it. Without `meshes` (`scene.quick_findings`) it takes milliseconds: all
     errors are in it, and the warnings that ask for no mesh.
     """
-    facts = None
-    if scene.robot is not None:
-        facts = RobotFacts.of(scene.robot.urdf, scene.robot.xacro_args)
+    facts = None if scene.robot is None else _facts(scene.robot)
     return _ordered(_of_scene(scene, facts, meshes))
+
+
+def _facts(robot: Robot) -> RobotFacts:
+    return RobotFacts.of(robot.urdf, robot.xacro_args)
 
 
 def _ordered(findings: Iterator[Finding]) -> tuple[Finding, ...]:

@@ -217,16 +217,20 @@ def payload_findings(scene: Scene) -> Iterator[Finding]:
 
 def _held(scene: Scene) -> Iterator[Finding]:
     """Effort limits below what holds a payload in the joint's worst posture."""
-    limits = dict(zip(scene.joint_names, scene.model.joints.tolist()[1:], strict=True))
+    joints = dict(zip(scene.joint_names, scene.model.joints.tolist()[1:], strict=True))
+    limits = {
+        name: stated_limit(float(scene.model.effortLimit[joint.idx_v]))
+        for name, joint in joints.items()
+        if joint.nv == 1
+    }
     for payload in scene.payloads:
         try:
-            held = holding_efforts(scene, payload)
+            held = holding_efforts(scene, payload, above=limits)
         except PinfricError:  # loops, floating joints, a payload that never moves
             continue
         for name, effort in held.items():
-            limit = stated_limit(float(scene.model.effortLimit[limits[name].idx_v]))
-            if effort > limit:
-                unit = "N" if limits[name].shortname().startswith("JointModelP") else "N m"
+            if effort > (limit := limits[name]):
+                unit = "N" if joints[name].shortname().startswith("JointModelP") else "N m"
                 yield warning(
                     "held payload",
                     f"joint {name}",

@@ -436,7 +436,7 @@ class Scene:
         }
         variant = object.__new__(type(self))
         variant.__dict__.update(self.__dict__ | changed)
-        for found in ("findings", "quick_findings"):
+        for found in ("findings", "quick_findings", "_gears"):
             variant.__dict__.pop(found, None)
         return variant
 
@@ -664,9 +664,15 @@ class Scene:
 
     def gears(self, brakes: bool = True) -> Gears:
         """Return the drives' transmissions, and their closed brakes, as arrays for the kernels."""
+        return self._gears[brakes]
+
+    @cached_property
+    def _gears(self) -> tuple[Gears, Gears]:
+        """Without brakes, and with those that are closed."""
+        gears = [drive.transmission for drive in self.drives]
         stick = [self.stick_velocity_of(drive) for drive in self.drives]
-        closed = [self.closed_brakes.get(drive.name, 0.0) * brakes for drive in self.drives]
-        return gear_table([drive.transmission for drive in self.drives], stick, closed)
+        closed = [self.closed_brakes.get(drive.name, 0.0) for drive in self.drives]
+        return gear_table(gears, stick), gear_table(gears, stick, closed)
 
     def stick_velocity_of(self, drive: Drive) -> float:
         """Return the stick velocity of the drive's site, else the scene's default."""

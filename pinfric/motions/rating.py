@@ -21,6 +21,7 @@ import numpy as np
 import pinocchio as pin
 
 from pinfric.dynamics.inverse.inverse import inverse_dynamics
+from pinfric.dynamics.inverse.tree import write_plain_efforts
 from pinfric.errors import TrajectoryError, choose_from
 from pinfric.model.arrays import FloatArray
 from pinfric.model.entry import parse
@@ -253,18 +254,28 @@ def rate(scene: Scene, given: Rating | Mapping[str, Any]) -> Rated:
     )
 
 
-def holding_efforts(scene: Scene, payload: str) -> dict[str, float]:
+def holding_efforts(
+    scene: Scene, payload: str, above: Mapping[str, float] | None = None
+) -> dict[str, float]:
     """Return joint -> largest |effort| that holds one of the scene's payloads, N m or N.
 
     At rest, without friction, over the ranges of all joints before the payload's link.
+
+    Args:
+        above: joint -> effort; a joint that a bound keeps below it is left out, which takes no
+            search.
 
     Raises:
         TrajectoryError: as `rate`.
     """
     arm = Arm(scene, payload)
-    held = arm.farthest(arm.efforts, range(len(arm.drives)))[1]
     names = [arm.columns[k].name for k in arm.columns_of]
-    return dict(zip(names, held.tolist(), strict=True))
+    least = [(above or {}).get(name, 0.0) for name in names]
+    open_ = np.flatnonzero(~(arm.effort_bounds() < least)).tolist()
+    if not open_:
+        return {}
+    held = arm.farthest(arm.efforts, open_)[1]
+    return dict(zip([names[i] for i in open_], held.tolist(), strict=True))
 
 
 class Arm:
@@ -301,6 +312,7 @@ class Arm:
             raise TrajectoryError(
                 f"{scene.source}: no drive moves {load.link}; name the tool's link"
             )
+        self._plain = self.scene.own_drives and not self.scene.springs
         self.drives, self.columns_of = ([pair[side] for pair in carriers] for side in (0, 1))
         self.com = np.array(load.com)
         self.joints = [model.getJointId(self.columns[k].name) for k in self.columns_of]
@@ -345,11 +357,45 @@ class Arm:
         """Return (n, k) efforts at rest without friction, N m or N, of positions (n, nj)."""
         q = configurations(self.columns, position, self.scene.model.nq)
         still = np.zeros((len(q), self.scene.model.nv))
-        return inverse_dynamics(self.scene, q, still, still).effort_frictionless[:, self.drives]
+        if not self._plain:
+            return inverse_dynamics(self.scene, q, still, still).effort_frictionless[:, self.drives]
+        efforts = np.empty_like(still)
+        write_plain_efforts(self.scene.twin(), q, still, still, 1, efforts)
+        return efforts[:, [self.scene.drives[i].velocity_index for i in self.drives]]
 
     def efforts(self, position: FloatArray) -> FloatArray:
         """Return the magnitudes of `signed_efforts`."""
         return np.abs(self.signed_efforts(position))
+
+    def effort_bounds(self) -> FloatArray:
+        """Return (k,) bounds of `efforts` in all postures, inf where there is none.
+
+        With s_j = m_j c_j + sum_i M_i p_i, of its body and of what the joints i on it carry, and
+        S_j = |s_j| + sum_i S_i: |effort_j| <= g (|s_j across its axis| + sum_i S_i), or g M_j where
+        it slides.
+        """
+        twin, n = self.scene.twin(), len(self.columns) + 1
+        mass, moment, beyond = np.zeros(n), np.zeros((n, 3)), np.zeros(n)
+        bound = np.full(n, math.inf)
+        if n != twin.model.njoints or not self._plain:
+            return bound[self.joints]
+        for j in range(n - 1, 0, -1):
+            body, placed = twin.model.inertias[j], twin.model.jointPlacements[j]
+            mass[j] += body.mass
+            moment[j] += body.mass * body.lever
+            parent, axis = twin.model.parents[j], twin.axis[j - 1].reshape(2, 3).sum(axis=0)
+            weight = placed.rotation.T @ twin.model.gravity.linear  # turns with the joints before
+            slides, g = self.columns[j - 1].unit == "m", float(np.linalg.norm(weight))
+            way = np.abs(self.ranges[j - 1]).max() if slides else 0.0
+            if parent == 0:
+                along = abs(weight @ axis) if slides else np.linalg.norm(np.cross(weight, axis))
+                g = float(along)
+            across = np.linalg.norm(np.cross(moment[j], axis)) + beyond[j]
+            bound[j] = g * (mass[j] if slides else across)
+            mass[parent] += mass[j]
+            moment[parent] += mass[j] * placed.translation
+            beyond[parent] += np.linalg.norm(moment[j]) + beyond[j] + mass[j] * way
+        return bound[self.joints]
 
     def inertias(self, position: FloatArray) -> FloatArray:
         """Return (n, k) inertias about the joints, kg m^2 or kg, of positions (n, nj)."""

@@ -136,7 +136,7 @@ def count_calls(monkeypatch, solve):
 
         monkeypatch.setattr(module, name, call)
 
-    for name in ("reactions", "_plain"):
+    for name in ("reactions", "write_plain_efforts"):
         counted(inverse_tree, name)
     for name in ("transmitted", "map_friction"):
         counted(effort_maps, name)
@@ -149,8 +149,8 @@ def count_calls(monkeypatch, solve):
 @pytest.mark.parametrize(
     ("only", "expected"),
     [
-        ([], {"_plain": 1, "write_motor_torques": 1}),
-        (["coulomb", "viscous"], {"_plain": 1, "write_motor_torques": 1}),
+        ([], {"write_plain_efforts": 1, "write_motor_torques": 1}),
+        (["coulomb", "viscous"], {"write_plain_efforts": 1, "write_motor_torques": 1}),
         (["load"], {"reactions": 1, "write_motor_torques": 1}),
         (NAMES, {"reactions": 1, "write_motor_torques": 1}),
     ],

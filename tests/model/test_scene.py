@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 import yaml
-from builders import block, chain, lump, plane_friction, sliding_block
+from builders import block, chain, dry, lump, plane_friction, sliding_block
 from mechanisms import four_bar
 from numpy.testing import assert_allclose, assert_array_equal
 from tables import table
@@ -17,7 +17,7 @@ from tables import table
 import pinfric as pf
 from pinfric.errors import PinfricWarning, SceneError
 from pinfric.model.entry import parse
-from pinfric.model.schema import Assumed
+from pinfric.model.schema import Assumed, Friction
 
 ZERO = np.zeros((1, 1))
 FRICTION = {"slide": plane_friction(0.5, 0.3)}
@@ -201,6 +201,16 @@ def test_the_base_is_not_counted_among_what_moves():
     model = block(mass=2.0)
     model.inertias[0] = lump(7.0, moment=1.0)
     assert "1 joint, 2 kg that move" in repr(pf.Scene(model=model))
+
+
+def test_gears_stick_by_the_friction_that_a_scene_has():
+    drives = [{"joint": "slide", "transmission": {"ratio": 10.0}}]
+    scene = sliding_block(dry(1.0), actuators=drives)
+    assert scene.gears().stick_velocity == [scene.stick_velocity]
+    other = {"slide": parse(Friction, dry(1.0, stick_velocity=0.02), "")}
+    for changed in (scene.with_(friction=other), scene.with_coefficients(other)):
+        assert changed.gears().stick_velocity == [0.02]
+    assert scene.gears().stick_velocity == [scene.stick_velocity]
 
 
 def test_copies_are_scenes_like_the_first():

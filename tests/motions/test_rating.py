@@ -4,6 +4,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 import yaml
+from builders import chain, lump, row
 from rating_cases import ROBOTS, rated_robot, write_arm
 from scipy.optimize import minimize
 from tables import table
@@ -11,7 +12,8 @@ from tables import table
 import pinfric as pf
 from pinfric.errors import PinfricError, TrajectoryError
 from pinfric.model.robot import read_robot
-from pinfric.motions.rating import Rated, holding_efforts, rate
+from pinfric.model.schema import Payload
+from pinfric.motions.rating import Arm, Rated, holding_efforts, rate
 
 QUICK = [n if n in ("ur10", "arm") else pytest.param(n, marks=pytest.mark.slow) for n in ROBOTS]
 
@@ -223,6 +225,59 @@ def test_what_holds_a_payload_is_that_of_the_rating(tmp_path):
     held = holding_efforts(rated.scene, rated.payload)
     for lift in rated.lifts:
         assert held[rated.columns[lift.column].name] == pytest.approx(lift.held, rel=1e-9)
+
+
+def carrying(model: pin.Model, link_of: int, kg: float = 1.0) -> pf.Scene:
+    """A robot whose joint `link_of` carries a payload at its origin."""
+    model.addBodyFrame("tip", link_of, pin.SE3.Identity(), 0)
+    return pf.Scene(model, payloads={"load": Payload(link="tip", mass=kg, com=(0.0, 0.0, 0.0))})
+
+
+def test_a_bound_of_holding_efforts_is_reached_by_a_level_arm_stretched_out():
+    """Two links of 1 m that turn about y, 3 kg at the end of each, and 1 kg at the elbow."""
+    arm = Arm(carrying(row("ab", lump(3.0, [1.0, 0, 0]), 1.0), 2), "load")
+    shoulder, elbow = (3 * 1 + 3 * 2 + 1 * 1) * 9.81, 3 * 1 * 9.81
+    assert arm.effort_bounds() == pytest.approx([shoulder, elbow], rel=1e-12)
+    assert arm.farthest(arm.efforts, [0, 1])[1] == pytest.approx([shoulder, elbow], rel=1e-6)
+    # about a vertical axis nothing weighs
+    pan = chain(("pan", pin.JointModelRZ(), lump(3.0, [1.0, 0, 0])), ("b", pin.JointModelRZ()))
+    assert Arm(carrying(pan, 2), "load").effort_bounds()[0] == 0.0
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_no_posture_needs_more_than_the_bound_of_holding_efforts(seed):
+    rng, model = np.random.default_rng(seed), pin.Model()
+    kinds = (pin.JointModelRevoluteUnaligned, pin.JointModelPrismaticUnaligned)
+    for j in range(6):
+        axis = rng.normal(size=3)
+        joint = kinds[int(rng.random() < 0.3)](axis / np.linalg.norm(axis))
+        end = rng.uniform(0.1, 2.0, 1)
+        place = pin.SE3(pin.rpy.rpyToMatrix(rng.uniform(-3, 3, 3)), rng.normal(size=3))
+        parent = max(0, j - int(rng.random() < 0.3))  # some branch off
+        rest = np.full(1, 500.0), np.full(1, 5.0), -end, end
+        model.addJoint(parent, joint, place, f"j{j}", *rest)
+        model.appendBodyToJoint(j + 1, lump(rng.uniform(0, 4), rng.normal(size=3)), place)
+    arm = Arm(carrying(model, 6), "load")
+    bound, data = arm.effort_bounds(), arm.scene.loaded_model().createData()
+    postures = rng.uniform(model.lowerPositionLimit, model.upperPositionLimit, (2000, model.nq))
+    loaded = arm.scene.loaded_model()
+    found = np.abs([pin.computeGeneralizedGravity(loaded, data, q) for q in postures]).max(axis=0)
+    carriers = [model.joints[j].idx_v for j in arm.joints]
+    assert (found[carriers] <= bound * (1 + 1e-12)).all()
+    assert np.isfinite(bound).all()
+
+
+@pytest.mark.parametrize("name", QUICK)
+def test_joints_that_a_bound_keeps_below_what_is_asked_are_not_searched(name, tmp_path):
+    _, rated = rated_of(name, tmp_path)
+    held = {rated.columns[lift.column].name: lift.held for lift in rated.lifts}
+    asked = {joint: effort * 1.3 for joint, effort in held.items()}
+    left = holding_efforts(rated.scene, rated.payload, above=asked)
+    assert set(left) < set(held)
+    heavy = {joint: effort for joint, effort in held.items() if effort > 1e-9}
+    least = held | {joint: effort * (1 - 1e-6) for joint, effort in heavy.items()}
+    searched = holding_efforts(rated.scene, rated.payload, above=least)
+    assert {joint: searched[joint] for joint in heavy} == pytest.approx(heavy, rel=1e-6)
 
 
 @pytest.mark.slow

@@ -74,7 +74,9 @@ def solve_tree(
         if reacting:
             joint_wrench = _react(scene, twin, states, applied, part, batch, joint_wrench, threads)
         else:
-            _plain(twin, states.q[part], states.v[part], a, threads, samples.effort_frictionless)
+            write_plain_efforts(
+                twin, states.q[part], states.v[part], a, threads, samples.effort_frictionless
+            )
         if sites.contacts.moves.any():
             samples = samples._replace(displacement=twin.displacements(sites.joint, states.q[part]))
         _bound(twin, a, sites, joint_wrench, samples, threads)
@@ -185,7 +187,7 @@ def _bound(
         bound_in_parts(parts, wrench, samples, *balance, *sites)
 
 
-def _plain(
+def write_plain_efforts(
     twin: Twin, q: np.ndarray, v: np.ndarray, a: np.ndarray, threads: int, effort: np.ndarray
 ) -> None:
     """Write Pinocchio's RNEA (n, nv), where nothing depends on reactions."""
