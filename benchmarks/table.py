@@ -1,17 +1,27 @@
 """Every goal for speed, measured in one run, as one table of ratios.
 
-    python benchmarks/table.py            a minute or two
-    python benchmarks/table.py --peers    MuJoCo and Drake, too: some minutes
+    python benchmarks/table.py                      some minutes
+    python benchmarks/table.py --peers              MuJoCo and Drake, too: more minutes
+    python benchmarks/table.py --against REVISION   what moved by more than 10 % since then
 
-Contestants of one row are timed in turn, round by round; medians count.
+Contestants of one row are timed in turn, round by round; medians count. `--rows STUDY` measures
+the rows of one function. Against a revision, each is run by this file with the package here and
+with that revision's in turn, in processes of their own; a row that one of them lacks is named.
 """
 
 from __future__ import annotations
 
+import argparse
 import contextlib
 import dataclasses
+import json
+import os
+import statistics
 import subprocess
 import sys
+import tempfile
+import time
+import warnings
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -30,6 +40,9 @@ from measure import all_seconds, machine, median_seconds, states, ur5, with_pins
 from peers import compete_with_peers  # isort: skip
 
 SAMPLES = 20_000
+ROOT = Path(__file__).parents[1]
+#: Rounds in turn against another revision; what moved by more is shown.
+ROUNDS, MOVED = 3, 0.1
 GEAR = {
     "ratio": 100.0,
     "efficiency": 0.8,
@@ -454,6 +467,59 @@ def hard_inverse():
     ]
 
 
+def sweeps():
+    """A cycle of a bundled sweep, with drives on trial and without, against inverse dynamics."""
+    from pinfric.sweeps.file import load_sweep
+
+    scene = pf.load_scene("panda_pick_and_place")
+    motion = pf.load_trajectory("panda_pick_and_place.csv", scene)
+    entries = load_sweep("panda_pick_and_place.sweep.yaml")[0]
+    bare = entries.model_copy(update={"motors": {}})
+    run = partial(pf.sweep, scene, motion, processes=1)
+    s = median_seconds(
+        {
+            "inverse": lambda: pf.inverse_dynamics(scene, motion, threads=1),
+            "drives": lambda: run(entries),
+            "bare": lambda: run(bare),
+        },
+        rounds=3,
+        clock=time.process_time,
+    )
+    rows = []
+    for name, what, goal in (("drives", "with drives on trial", 0.2), ("bare", "bare", 0.15)):
+        each, sample = s[name] / entries.samples, 1e6 / len(motion.t)
+        more = f"{each * sample:.2f} to {s['inverse'] * sample:.2f} us a sample, {s[name]:.2f} s"
+        what = f"sweep panda_pick_and_place, {what}, a cycle"
+        rows.append(Row(what, "inverse dynamics", each / s["inverse"], goal, more=more))
+    return rows
+
+
+def commands():
+    """What commands compute for one scene each, in processor time."""
+    from identify_cases import guess, log
+
+    arm, braked = pf.load_scene("ur10_machine_tending"), pf.load_scene("ur10_braked")
+    cycle = pf.load_trajectory("ur10_machine_tending", arm)
+    panda, measured = pf.load_scene("panda_pick_and_place"), log(0, 20.0, 125.0)
+    path, bar = pf.load_trajectory("panda_pick_and_place.csv", panda), pf.load_scene("four_bar")
+    identify = partial(pf.identify, guess(0), [measured])
+    runs = {
+        "check ur10_machine_tending": (lambda: pf.check("ur10_machine_tending"), 0.08, 9),
+        "size ur10_machine_tending": (lambda: pf.size(arm, cycle, "default"), 0.7, 5),
+        "retime panda_pick_and_place": (lambda: pf.retime(panda, path), 0.3, 5),
+        "identify a UR5, a log of 20 s": (identify, 7.0, 1),
+        "simulate four_bar": (lambda: pf.simulate(bar), 1.2, 5),
+        "stop ur10_braked": (lambda: pf.stop(braked, cycle), 15.0, 1),
+    }
+    rows = []
+    for what, (run, goal, rounds) in runs.items():
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", pf.PinfricWarning)
+            seconds = median_seconds({"": run}, rounds, clock=time.process_time)[""]
+        rows.append(Row(what, "", seconds, goal, "s"))
+    return rows
+
+
 # ---------------------------------------------------------------- peers
 
 
@@ -511,35 +577,85 @@ def _against(name, runs, who, bound):
     )
 
 
-def rows(with_peers=False):
-    """Every measured row, in the README's order."""
-    studies = [
-        inverse,
-        memory_in_chunks,
-        threads,
-        forward,
-        solver,
-        simulation,
-        at_rest_and_moving,
-        loops,
-        without_loads,
-        breaking_away,
-        many_joints,
-        resting_loops,
-        hard_inverse,
-    ]
-    if with_peers:
-        studies.append(peer_rows)
-    for study in studies:
-        yield from study()
+#: In the README's order.
+STUDIES = (
+    inverse,
+    memory_in_chunks,
+    threads,
+    forward,
+    solver,
+    simulation,
+    at_rest_and_moving,
+    loops,
+    without_loads,
+    breaking_away,
+    many_joints,
+    resting_loops,
+    hard_inverse,
+    sweeps,
+    commands,
+)
+
+
+def moves(revision, studies):
+    """Yield what each study's rows moved by since a revision: row, ratio of each round."""
+    with tempfile.TemporaryDirectory() as folder:
+        there = Path(folder) / "tree"
+        git = ["git", "-C", str(ROOT), "worktree"]
+        subprocess.run([*git, "add", "--detach", str(there), revision], check=True)
+        try:
+            for study in studies:
+                ours, theirs = ({}, {})
+                for _ in range(ROUNDS):
+                    for tree, figures in ((ROOT, ours), (there, theirs)):
+                        for what, figure in _measured_in(tree, study.__name__).items():
+                            figures.setdefault(what, []).append(figure)
+                for what in ours.keys() & theirs.keys():
+                    yield what, [a / b for a, b in zip(ours[what], theirs[what], strict=True)]
+                for what in ours.keys() ^ theirs.keys():
+                    yield f"{what}, measured {'here' if what in ours else 'there'} only", []
+        finally:
+            subprocess.run([*git, "remove", "--force", str(there)], check=True)
+
+
+def _measured_in(tree, study):
+    """The figures of a study's rows with a tree's package, which may lack what it calls."""
+    command = [sys.executable, __file__, "--rows", study, "--json"]
+    environment = os.environ | {"PYTHONPATH": str(tree)}
+    done = subprocess.run(command, capture_output=True, text=True, env=environment)
+    if done.returncode:
+        print(f"{study} fails with {tree}: {done.stderr.strip().splitlines()[-1]}")
+    return dict(json.loads(line) for line in done.stdout.splitlines())
 
 
 def main():
-    print(machine())
-    print()
-    print("| | against | measured | goal | met | |\n|---|---|---|---|---|---|")
-    for row in rows("--peers" in sys.argv):
-        print(f"| {' | '.join(row.cells())} |", flush=True)
+    known = {study.__name__: study for study in (*STUDIES, peer_rows)}
+    options = argparse.ArgumentParser(description=__doc__)
+    options.add_argument("--peers", action="store_true")
+    options.add_argument("--rows", choices=known, action="append")
+    options.add_argument("--against", metavar="REVISION")
+    options.add_argument("--json", action="store_true")
+    given = options.parse_args()
+    studies = [known[name] for name in given.rows or ()] or list(STUDIES)
+    if given.peers:
+        studies.append(peer_rows)
+    if given.against:
+        print(machine())
+        for what, ratios in moves(given.against, studies):
+            ratio = statistics.median(ratios or [1.0])
+            if not ratios:
+                print(what, flush=True)
+            elif abs(ratio - 1.0) > MOVED:
+                ends = f"{min(ratios):.2f} to {max(ratios):.2f}"
+                print(f"{what}: {ratio:.2f} times ({ends})", flush=True)
+        return
+    if not given.json:
+        print(machine())
+        print("\n| | against | measured | goal | met | |\n|---|---|---|---|---|---|")
+    for study in studies:
+        for row in study():
+            cells, pair = row.cells(), [f"{row.what} | {row.against}", row.figure]
+            print(json.dumps(pair) if given.json else f"| {' | '.join(cells)} |", flush=True)
 
 
 if __name__ == "__main__":
