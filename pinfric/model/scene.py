@@ -808,7 +808,7 @@ class Scene:
 
     def _given(self) -> dict[str, Any]:
         self.check_unchanged()
-        derived = {"_variants", "_made_of", "sites", "site_tables", "drives", "linkage"}
+        derived = {n for n, entry in vars(Scene).items() if isinstance(entry, cached_property)}
         kept = {key: value for key, value in self.__dict__.items() if key not in derived}
         return kept | {"friction": dict(self.friction), "payloads": dict(self.payloads)}
 
