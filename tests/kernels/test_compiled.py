@@ -6,6 +6,7 @@ import runpy
 import shutil
 import subprocess
 import sys
+import time
 import warnings
 from collections import namedtuple
 from contextlib import suppress
@@ -114,13 +115,17 @@ for each in [globals()[name] for name in sys.argv[1:]] or [eighth]:
 """
 
 
-def python(folder, *arguments, path=ROOT):
+def environment(folder, path=ROOT):
+    return os.environ | {"PYTHONPATH": str(path), "NUMBA_CACHE_DIR": str(folder / "cache")}
+
+
+def python(folder, *arguments, path=ROOT, **more):
     return subprocess.run(
         [sys.executable, *arguments],
         cwd=folder,
         capture_output=True,
         text=True,
-        env={**os.environ, "PYTHONPATH": str(path), "NUMBA_CACHE_DIR": str(folder / "cache")},
+        env=environment(folder, path) | more,
         check=True,
         timeout=120,
     )
@@ -286,6 +291,58 @@ def test_a_kernel_is_read_with_those_that_it_calls(lost, compiled_before, hit, t
         python(tmp_path, "chain_of_a_test.py", *compiled_before)
     assert f"1.0 {hit}" in python(tmp_path, "chain_of_a_test.py").stderr
     assert python(tmp_path, "chain_of_a_test.py").stderr == "1.0 1\n"
+
+
+def survive(folder, kills):
+    """Kill processes while they compile, each other sources; a second one reads what is left."""
+    rng, took, stopped = np.random.default_rng(0), 1.0, 0
+    for number in range(kills):
+        text = CHAIN.replace("0.5 * x", f"(0.5 + {number} - {number}) * x")
+        (folder / "chain_of_a_test.py").write_text(f"print('ready', flush=True)\n{text}")
+        command = [sys.executable, "-u", "chain_of_a_test.py"]
+        process = subprocess.Popen(
+            command, cwd=folder, env=environment(folder), stdout=subprocess.PIPE, stderr=-3
+        )
+        process.stdout.readline()
+        start = time.perf_counter()
+        with suppress(subprocess.TimeoutExpired):
+            process.wait(rng.uniform(0.0, took) if number else None)
+            took = time.perf_counter() - start
+        process.kill()
+        stopped += process.wait() != 0
+        process.stdout.close()
+        read = python(folder, "chain_of_a_test.py").stderr
+        assert read.splitlines()[-1] in ("1.0 0", "1.0 1"), read
+        assert "damaged" not in read
+        assert python(folder, "chain_of_a_test.py").stderr == "1.0 1\n"
+    return stopped
+
+
+@pytest.mark.slow
+def test_processes_killed_while_they_compile_leave_a_cache_that_is_read(tmp_path):
+    assert survive(tmp_path, 6) >= 2
+
+
+@pytest.mark.slow
+def test_each_processor_has_kernels_of_its_own_in_one_cache(tmp_path):
+    (tmp_path / "chain_of_a_test.py").write_text(CHAIN)
+    targets = [{}, {"NUMBA_CPU_NAME": "generic", "NUMBA_CPU_FEATURES": ""}]
+    for hit in "01":
+        for target in targets:
+            last = python(tmp_path, "chain_of_a_test.py", **target).stderr.splitlines()[-1]
+            assert last == f"1.0 {hit}"
+
+
+@pytest.mark.slow
+def test_a_cache_that_cannot_be_written_does_not_stop_a_command(tmp_path):
+    """Its files cannot be made anew; they are read, or compiled in this run."""
+    (tmp_path / "chain_of_a_test.py").write_text(CHAIN)
+    python(tmp_path, "chain_of_a_test.py")
+    shutil.move(tmp_path / "cache", tmp_path / "kept")
+    (tmp_path / "cache").write_text("no folder")
+    for _ in range(2):
+        last = python(tmp_path, "chain_of_a_test.py").stderr.splitlines()[-1]
+        assert last.startswith("1.0 ")
 
 
 @pytest.mark.slow
