@@ -129,7 +129,7 @@ class Begun:
 
 
 def new_scene(
-    begun: Begun, folder: str | Path | None = None, payload: Payload | None = None
+    begun: Begun, folder: str | Path | None = None, payloads: Mapping[str, Payload] | None = None
 ) -> str:
     """Return a scene for a robot as commented YAML that loads and runs as it is.
 
@@ -144,7 +144,7 @@ def new_scene(
     Args:
         begun: the robot.
         folder: where the scene will be saved; the URDF is named relative to it. None: in full.
-        payload: that it is rated for; None: an example in a comment.
+        payloads: that it is rated for, by name; None: an example in a comment.
     """
     urdf, robot = begun.urdf, begun.robot
     joints = joint_loads(robot.model, begun.weight)
@@ -183,7 +183,7 @@ def new_scene(
         "  gravity: [0.0, 0.0, -9.81]",
         *_dynamics_section(robot),
         *_masses_section(begun),
-        *_payload_section(payload, bodies[-1]),
+        *_payload_section(payloads, bodies[-1]),
         "friction:" if guesses else "friction: {}",
         *[line for j in joints for line in _joint_section(j, guesses, robot.dynamics)],
         *_actuators_section(robot),
@@ -254,8 +254,10 @@ points:
 """
 
 
-def new_rating(begun: Begun, payload: float, link: str | None = None) -> tuple[Payload, str]:
-    """Return a rated payload for a scene, and a way-point file that holds and lifts it.
+def new_rating(
+    begun: Begun, payload: float, link: str | None = None
+) -> tuple[dict[str, Payload], str]:
+    """Return a rated payload, where it is carried, and a way-point file that holds and lifts it.
 
     Args:
         begun: the robot.
@@ -267,7 +269,7 @@ def new_rating(begun: Begun, payload: float, link: str | None = None) -> tuple[P
     """
     scene = Scene(begun.robot.model, robot=begun.robot, source=str(begun.urdf))
     rated = rate(scene, {"payload": payload, **({} if link is None else {"link": link})})
-    return rated.scene.payloads[rated.payload], (
+    return dict(rated.scene.payloads), (
         f"# What {begun.urdf.name} is rated for, as a motion: {payload:g} kg, held in the worst "
         "posture of each joint and lifted\n"
         "# from there by it alone, against gravity. `pinfric size --rating` takes each joint's "
@@ -348,19 +350,29 @@ def _masses_section(begun: Begun) -> list[str]:
     ]
 
 
-def _payload_section(payload: Payload | None, link: str) -> list[str]:
-    if payload is None:
+def _payload_section(payloads: Mapping[str, Payload] | None, link: str) -> list[str]:
+    if payloads is None:
         return [
             "  # payloads:                  # what it carries; com in the link's frame",
             f"  #   box: {{link: {yaml_line(link, within=True)}, mass: 1.0, com: [0, 0, 0.05], "
             "attached: false}",
         ]
-    carrier, com = yaml_line(payload.link, within=True), ", ".join(map(_short, payload.com))
-    return [
-        "  payloads:                    # what it carries; com in the link's frame",
-        f"    rated: {{link: {carrier}, mass: {payload.mass:g}, com: [{com}]}}"
-        "  # the rating: along z of its link",
-    ]
+    lines = ["  payloads:                    # what it carries; com in the link's frame"]
+    for name, payload in payloads.items():
+        carrier, com = yaml_line(payload.link, within=True), ", ".join(map(_short, payload.com))
+        off, where = (
+            ("", "along z of its link")
+            if payload.attached
+            else (
+                ", attached: false",
+                "as far across the last axis",
+            )
+        )
+        lines.append(
+            f"    {name}: {{link: {carrier}, mass: {payload.mass:g}, com: [{com}]{off}}}"
+            f"  # the rating: {where}"
+        )
+    return lines
 
 
 def _joint_section(

@@ -499,7 +499,10 @@ def test_a_rated_payload_goes_into_the_scene_and_into_a_motion(tmp_path):
     payload = scene.payloads["rated"]
     assert (payload.link, payload.mass, payload.com) == ("link_eef", 3.5, (0.0, 0.0, 0.1))
     motion = pf.load_trajectory(way_file, scene)
-    assert motion.attached.all()
+    across = scene.payloads["rated_across"]
+    assert across.com[2] == pytest.approx(0.1)
+    assert np.hypot(*across.com[:2]) == pytest.approx(0.1)
+    assert (motion.attached.sum(axis=1) == 1).all()
     result = pf.inverse_dynamics(scene, motion)
     held = {f.place: f for f in pf.check(scene_file).findings if f.kind == "held payload"}
     assert set(held) == {"joint joint2", "joint joint3", "joint joint4"}

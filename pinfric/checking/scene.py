@@ -223,13 +223,15 @@ def _held(scene: Scene) -> Iterator[Finding]:
         for name, joint in joints.items()
         if joint.nv == 1
     }
+    said = set[str]()
     for payload in scene.payloads:
         try:
             held = holding_efforts(scene, payload, above=limits)
         except PinfricError:  # loops, floating joints, a payload that never moves
             continue
         for name, effort in held.items():
-            if effort > (limit := limits[name]):
+            if effort > (limit := limits[name]) and name not in said:
+                said.add(name)
                 unit = "N" if joints[name].shortname().startswith("JointModelP") else "N m"
                 yield warning(
                     "held payload",

@@ -231,7 +231,9 @@ def rest_of(
         conditions: whether a spring may be lost.
     """
     drive, guesses = scene.drives[i], () if scene.assumed is None else scene.assumed.values
-    unsure = any(place.startswith(("robot.masses", "robot.payloads")) for place in guesses)
+    # an inertia weighs nothing
+    weights = (place for place in guesses if not place.endswith(".inertia"))
+    unsure = any(place.startswith(("robot.masses", "robot.payloads")) for place in weights)
     own = own_friction(scene, drive.name)
     moves = speed > scene.stick_velocity_of(drive)
     sprung = conditions.lost_springs == "one" and any(s.kind != "hose" for s in scene.springs)

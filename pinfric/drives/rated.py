@@ -24,7 +24,8 @@ class RatedCycle:
     Attributes:
         motion: the cycles, then the rating, then the time switched off.
         schedule: how often a period runs each part: of a rating beside a duty never.
-        moves: drive -> its part. holds: parts in which all joints stand. duty: beside it.
+        moves: drive -> its part. holds: payload -> parts in which all joints stand with it.
+        duty: beside it.
         fast: the part of the top speeds, which is never run: only its peaks count.
     """
 
@@ -32,14 +33,14 @@ class RatedCycle:
     motion: Trajectory
     schedule: Schedule
     moves: dict[int, int]
-    holds: tuple[int, ...]
+    holds: dict[str, tuple[int, ...]]
     fast: int
     duty: Duty | None
 
     @classmethod
     def of(cls, rated: Rated, duty: Duty | None) -> RatedCycle:
         """Return a rating as a motion, beside a duty with the payloads of the given scene."""
-        lifts, parts = zip(*rated.motions(), strict=True)
+        payloads, lifts, parts = zip(*rated.motions(), strict=True)
         fast = rated.at_top_speed()
         if duty is None:
             whole, cycles = Duty(tuple((part, 1.0) for part in parts), beside=(fast,)), 0
@@ -52,7 +53,12 @@ class RatedCycle:
             whole.motion(),
             whole.schedule(),
             {lift.drive: k for k, lift in numbered if lift is not None},
-            tuple(k for k, lift in numbered if lift is None),
+            {
+                name: tuple(
+                    k for k, lift in numbered if lift is None and payloads[k - cycles] == name
+                )
+                for name in dict.fromkeys(payloads)
+            },
             cycles + len(parts),
             duty,
         )
@@ -63,9 +69,12 @@ class RatedCycle:
         return 0 if self.duty is None else len(self.duty.cycles)
 
     def means(self, drive: int) -> dict[str, Schedule]:
-        """Return the schedules of a drive's means, by name: each must be borne."""
+        """Return the schedules of a drive's means, by name: each must be borne.
+
+        Its holds are those with the payload that it moves.
+        """
         means = {"cycle": self.schedule} if self.cycles else {}
-        means["rating: hold"] = self.schedule.only(self.holds)
+        means["rating: hold"] = self.schedule.only(self.holds[self.rated.carried_by(drive)])
         if drive in self.moves:
             means["rating: move"] = self.schedule.only((self.moves[drive],))
         return means

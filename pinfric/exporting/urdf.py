@@ -117,7 +117,8 @@ def _payload(name: str, payload: Payload) -> tuple[ElementTree.Element, ElementT
     inertial = ElementTree.SubElement(link, "inertial")
     ElementTree.SubElement(inertial, "origin", xyz=numbers(payload.com))
     ElementTree.SubElement(inertial, "mass", value=repr(payload.mass))
-    moments = zip(("ixx", "ixy", "ixz", "iyy", "iyz", "izz"), payload.inertia, strict=True)
+    inertia = payload.inertia or (0.0,) * 6
+    moments = zip(("ixx", "ixy", "ixz", "iyy", "iyz", "izz"), inertia, strict=True)
     ElementTree.SubElement(inertial, "inertia", {key: repr(value) for key, value in moments})
     joint = ElementTree.Element("joint", name=f"payload_{name}_fixed", type="fixed")
     ElementTree.SubElement(joint, "parent", link=payload.link)

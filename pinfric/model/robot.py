@@ -347,8 +347,11 @@ def payload_inertia(payload: Payload) -> pin.Inertia:
 
 
 def inertia_matrix(payload: Payload) -> np.ndarray:
-    """Return a payload's (3, 3) inertia about its centre of mass, kg m^2, in the link's axes."""
-    ixx, ixy, ixz, iyy, iyz, izz = payload.inertia
+    """Return a payload's (3, 3) inertia about its centre of mass, kg m^2, in the link's axes.
+
+    0 where it has none: a point.
+    """
+    ixx, ixy, ixz, iyy, iyz, izz = payload.inertia or (0.0,) * 6
     return np.array([[ixx, ixy, ixz], [ixy, iyy, iyz], [ixz, iyz, izz]])
 
 

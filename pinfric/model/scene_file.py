@@ -108,7 +108,8 @@ def guesses_line(assumed: Assumed) -> str:
     for place in assumed.values:
         entry, _, key = place.rpartition(".")
         places.setdefault(entry, []).append(key)
-    whole = [f"{entry}.{key}" for entry in ("robot",) for key in places.pop(entry, [])]
+    robots = [entry for entry in places if entry.startswith("robot")]
+    whole = [f"{entry}.{key}" for entry in robots for key in places.pop(entry)]
     count = Counter(", ".join(keys) for keys in places.values())
     of = "; ".join(
         [*whole, *(f"{keys} of {counted(number, 'joint')}" for keys, number in count.items())]

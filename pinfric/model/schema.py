@@ -47,6 +47,9 @@ from pinfric.model.friction_terms import (
 from pinfric.model.spring_entries import LinkPoint, SpringsKey
 from pinfric.model.transmission import Transmission
 
+#: Moments of inertia of a body about its centre of mass.
+Moments = tuple[Number, Number, Number, Number, Number, Number]
+
 
 class Payload(Entry):
     """A body carried by a link."""
@@ -54,15 +57,20 @@ class Payload(Entry):
     link: str = key("link of the robot that carries it", "tool0")
     mass: Positive = key("of the body", 2.0, "kg")
     com: Vector3 = key("centre of mass in the link's frame", [0, 0, 0.05], "m")
-    inertia: tuple[Number, Number, Number, Number, Number, Number] = key(
-        "ixx, ixy, ixz, iyy, iyz, izz about its own `com`, in the link's axes",
+    inertia: Moments | None = optional(
+        "ixx, ixy, ixz, iyy, iyz, izz about its own `com`, in the link's axes; left out: a point, "
+        "in place of which `size` takes a cube of water",
         [0.01, 0, 0, 0.01, 0, 0.01],
         "kg m^2",
-        default=(0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
     )
     attached: bool = key(
         "whether it is carried unless a trajectory says otherwise", False, default=True
     )
+
+    def scaled(self, factor: float) -> Payload:
+        """Return a body of the same shape, so many times as dense."""
+        inertia = self.inertia and tuple(factor * x for x in self.inertia)
+        return self.model_copy(update={"mass": factor * self.mass, "inertia": inertia})
 
 
 #: Whether the masses of the links hold a drive: its motor, gear and brake.

@@ -5,8 +5,9 @@ by D, 90 degrees at most, in a quintic move whose largest acceleration is top sp
 
     T = max(sqrt(10/sqrt(3) D t_a/v), 15 D/(8 v)),
 
-returns, and rests as long as it moved. t_a = 1.5 s is an inference: the peak torques that makers
-print leave 1.3 s at the shoulder of a UR10, 1.0 s at a UR5's, 0.4 s at a UR3's.
+returns, and rests as long as it moved. The last joint has the payload as far off its axis as it is
+along it: a payload on the axis asks nothing of it. t_a = 1.5 s is an inference: the peak torques
+that makers print leave 1.3 s at the shoulder of a UR10, 1.0 s at a UR5's, 0.4 s at a UR3's.
 """
 
 from __future__ import annotations
@@ -26,10 +27,10 @@ from pinfric.errors import TrajectoryError, choose_from
 from pinfric.model.arrays import FloatArray
 from pinfric.model.entry import parse
 from pinfric.model.mass_matrix import mass_matrices
-from pinfric.model.robot import link_frame
+from pinfric.model.robot import inertia_matrix, link_frame, plausible_distance
 from pinfric.model.scene import Scene
 from pinfric.model.schema import Payload
-from pinfric.model.urdf import PLACEHOLDER_SPEED
+from pinfric.model.urdf import PLACEHOLDER_SPEED, implausible_body
 from pinfric.model.yamlfile import yaml_line
 from pinfric.motions.joint_columns import JointColumn, configurations, joint_columns
 from pinfric.motions.trajectory import Trajectory
@@ -96,6 +97,8 @@ class Rated:
         payload: its name in the scene. link: that carries it. reach: of its centre of mass from the
             second joint that carries it (the shoulder), m.
         columns: (nj,) the joints. postures: (P, nj) rad or m. lifts: of the joints before the link.
+        across: the payload as it is in the last posture, across the last joint's axis; "": it is
+            the same in all.
     """
 
     given: Scene
@@ -107,26 +110,39 @@ class Rated:
     columns: tuple[JointColumn, ...]
     postures: FloatArray
     lifts: tuple[Lift, ...]
+    across: str = ""
 
-    def parts(self) -> Iterator[tuple[Lift | None, tuple[WayPoint, ...]]]:
-        """Yield each posture's hold (None), then its joints' moves, as way-points."""
+    def carried(self, posture: int) -> str:
+        """Return the name of the payload in a posture."""
+        last = posture == len(self.postures) - 1
+        return self.across if self.across and last else self.payload
+
+    def parts(self) -> Iterator[tuple[str, Lift | None, tuple[WayPoint, ...]]]:
+        """Yield the payload, each posture's hold (None) or joint's move, and its way-points."""
         for k, posture in enumerate(self.postures):
-            yield None, (_point(posture, hold=_HOLD),)
+            payload = self.carried(k)
+            yield payload, None, (_point(posture, hold=_HOLD),)
             for lift in self.lifts:
                 if lift.posture == k:
                     back = _point(posture, duration=lift.duration, hold=2 * lift.duration)
-                    yield lift, (_point(posture), _point(lift.to, duration=lift.duration), back)
+                    points = _point(posture), _point(lift.to, duration=lift.duration), back
+                    yield payload, lift, points
 
-    def motions(self) -> Iterator[tuple[Lift | None, Trajectory]]:
+    def carried_by(self, drive: int) -> str:
+        """Return the name of the payload that a drive moves; of those behind the link the rated."""
+        postures = (lift.posture for lift in self.lifts if lift.drive == drive)
+        return self.carried(next(postures, 0))
+
+    def motions(self) -> Iterator[tuple[str, Lift | None, Trajectory]]:
         """Yield the same parts, each as a motion of its own."""
-        carried = {name: name == self.payload for name in self.scene.payloads}
-        for lift, points in self.parts():
+        for payload, lift, points in self.parts():
+            carried = {name: name == payload for name in self.scene.payloads}
             name = "hold" if lift is None else f"lift of {self.columns[lift.column].name}"
             file = WayPointFile(pinfric_trajectory=1, sample_rate=_RATE, points=points)
             table = sample_waypoints(file, self.columns, carried, name)
             q = configurations(self.columns, table.position, self.scene.model.nq)
-            motion = (table.t, q, table.velocity, table.acceleration)
-            yield lift, Trajectory.from_arrays(self.scene, *motion, carried, f"rating: {name}")
+            made = table.t, q, table.velocity, table.acceleration, carried, f"rating: {name}"
+            yield payload, lift, Trajectory.from_arrays(self.scene, *made)
 
     def at_top_speed(self) -> Trajectory:
         """Return each joint alone at its top speed in its posture, against gravity: two samples."""
@@ -137,7 +153,8 @@ class Rated:
             up = float(np.sign(lift.to[lift.column] - position[row, lift.column])) or 1.0
             velocity[row : row + 2, self.columns[lift.column].index_v] = up * lift.speed
         q = configurations(self.columns, position, self.scene.model.nq)
-        carried = {name: name == self.payload for name in self.scene.payloads}
+        loads = np.repeat([self.carried(lift.posture) for lift in self.lifts], 2)
+        carried = {name: loads == name for name in self.scene.payloads}
         motion = np.arange(len(q)) / _RATE, q, velocity, 0.0 * velocity
         return Trajectory.from_arrays(self.scene, *motion, carried, "rating: top speeds")
 
@@ -147,13 +164,16 @@ class Rated:
         speeds = np.full(len(names), np.inf)
         speeds[[one.column for one in self.lifts]] = [one.speed for one in self.lifts]
         lines, written, posture = list[str](), list[WayPoint](), -1
-        for lift, points in self.parts():
+        for payload, lift, points in self.parts():
             if lift is None:
                 posture += 1
                 of = [names[x.column] for x in self.lifts if x.posture == posture]
                 way = np.abs(self.postures[posture] - self.postures[max(posture - 1, 0)])
                 time = _whole(_PEAK_SPEED * float((way / speeds).max()) / _ON_THE_WAY)
-                points = (points[0].model_copy(update={"duration": time or None}),)
+                change: dict[str, Any] = {"duration": time or None}
+                if payload != self.payload:
+                    change |= {"attach": (payload,), "detach": (self.payload,)}
+                points = (points[0].model_copy(update=change),)
                 said = [f"worst posture of {', '.join(of)}"]
             else:
                 points, said = points[1:], [f"{names[lift.column]} moves alone", "and back"]
@@ -165,6 +185,8 @@ class Rated:
                 ]
                 parts += [f"duration: {point.duration:g}"] if point.duration else []
                 parts += [f"hold: {point.hold:g}"] if point.hold else []
+                for key in ("attach", "detach"):
+                    parts += [f"{key}: [{n}]" for n in getattr(point, key)]
                 lines.append(f"  - {{{', '.join(parts)}}}")
         joints = ", ".join(yaml_line(name, within=True) for name in names)
         own = self.rating.model_dump(exclude_defaults=True) | {"points": points_sum(written)}
@@ -198,46 +220,33 @@ def rate(scene: Scene, given: Rating | Mapping[str, Any]) -> Rated:
             f"rating.payload: {rating.payload:g} kg is more than {_HEAVIEST:g} times the "
             f"{moving:.4g} kg of {scene.source} that move: give kg"
         )
-    load = Payload(link=link, mass=rating.payload, com=(0.0, 0.0, rating.payload_offset))
-    payload = "rated"  # `new --payload` writes the same
-    while scene.payloads.get(payload, load).model_copy(update={"attached": load.attached}) != load:
-        payload += "_"
-    loaded = replace(scene, payloads={**scene.payloads, payload: load})
-    arm = Arm(loaded, payload)
-    speeds = arm.top_speeds(rating)
-    # 1. The worst posture of each joint: by gravity, else by inertia
-    drives = range(len(arm.drives))
-    worst, held = arm.farthest(arm.efforts, drives)
-    weighs = held >= _NO_GRAVITY * held.max()
-    light = np.flatnonzero(~weighs).tolist()
-    if light:
-        worst[light] = arm.farthest(arm.inertias, light)[0]
-
-    # 2. As few postures as come near enough to all of these
-    def load_of(q: FloatArray) -> FloatArray:
-        return np.where(weighs, arm.efforts(q), arm.inertias(q))
-
-    best, postures, of = (
-        load_of(worst)[drives, drives],
-        list[FloatArray](),
-        np.zeros(len(worst), int),
-    )
-    waiting = sorted(drives, key=lambda i: (not weighs[i], -held[i]))
-    while waiting:
-        near = load_of(worst[waiting]) >= _NEARLY_WORST * best
-        first = int(near[:, waiting].sum(axis=1).argmax())  # of equals the one that holds most
-        served = [i for i in waiting if near[first, i] or i == waiting[first]]
-        of[served] = len(postures)
-        postures.append(arm.simplified(worst[waiting[first]], served, load_of, best))
-        waiting = [i for i in waiting if i not in served]
+    mass, com = rating.payload, (0.0, 0.0, rating.payload_offset)
+    load = Payload(link=link, mass=mass, com=com, inertia=rating.inertia)
+    _check_inertia(scene, load)
+    loaded, payload = _also_carried(scene, load, "rated")
+    arm, across = Arm(loaded, payload), ""
+    speeds, drives = arm.top_speeds(rating), range(len(arm.drives))
+    # 1. Few postures that come near the worst of each joint
+    postures, of, held, worst = arm.postures(drives)
+    loads = [arm] * len(postures)
+    # 2. Of the last joint one with the payload across its axis: holds and moves of others stay
+    if (beside := arm.across(rating.payload_offset)) is not None:
+        load = load.model_copy(update={"com": beside, "attached": False})
+        loaded, across = _also_carried(loaded, load, "rated_across")
+        own = Arm(loaded, across)
+        farthest, _, held[-1:], _ = own.postures(drives[-1:], held.max())
+        if of.count(of[-1]) == 1:
+            del postures[of[-1]], loads[of[-1]]
+            of = [p - (p > of[-1]) for p in of]
+        of[-1] = len(postures)
+        postures, loads = postures + farthest, [*loads, own]
     # 3. From there each joint alone, against gravity
     lifts = []
-    signed = arm.signed_efforts(np.array(postures))
     for i in drives:
-        k, p = arm.columns_of[i], int(of[i])
+        k, p = arm.columns_of[i], of[i]
         turns, speed, here = arm.columns[k].unit == "rad", speeds[i], postures[p][k]
         room = arm.limits[k, 1] - here, here - arm.limits[k, 0]
-        up = signed[p, i] >= 0.0
+        up = bool(loads[p].signed_efforts(postures[p][None])[0, i] >= 0.0)
         up = up if room[not up] >= _LEAST_WAY else not up  # a limit is in the way
         ramp = speed * rating.acceleration_time  # a slide goes as far as its top speed needs
         most = _QUARTER if turns else _PEAK_ACCELERATION / _PEAK_SPEED**2 * ramp
@@ -248,10 +257,9 @@ def rate(scene: Scene, given: Rating | Mapping[str, Any]) -> Rated:
         time = _whole(max(math.sqrt(slowest), _PEAK_SPEED * way / speed))
         reached = _PEAK_SPEED * way / time
         lifts.append(Lift(arm.drives[i], k, p, float(held[i]), to, speed, time, reached))
-    reach = arm.reach(worst[int(held.argmax())])[1]
-    return Rated(
-        scene, loaded, rating, payload, link, reach, arm.columns, np.array(postures), tuple(lifts)
-    )
+    reach = arm.reach(worst)[1]
+    found = arm.columns, np.array(postures), tuple(lifts)
+    return Rated(scene, loaded, rating, payload, link, reach, *found, across)
 
 
 def holding_efforts(
@@ -331,6 +339,29 @@ class Arm:
         turn = inner.mean(axis=1, keepdims=True) + np.array([-math.pi, math.pi])
         self.ranges = np.where(whole[:, None], turn, limits)
         self.start = np.clip(0.0, *self.ranges.T)
+
+    def across(self, offset: float) -> tuple[float, float, float] | None:
+        """Return a centre of mass (m, in the link's axes) so far from the last joint's axis.
+
+        None: it is as far already, or the last joint slides.
+        """
+        model, joint, last = self.scene.model, self.joints[-1], self.columns[self.columns_of[-1]]
+        place = model.frames[self.frame].placement
+        if last.unit != "rad" or model.frames[self.frame].parentJoint != joint:
+            return None
+        data = model.createData()
+        pin.computeJointJacobians(model, data, pin.neutral(model))
+        moves = pin.getJointJacobian(model, data, joint, pin.ReferenceFrame.LOCAL)
+        axis = moves.reshape(6, -1)[3:, last.index_v]
+        com = place.act(self.com)
+        foot = axis * (axis @ com)
+        if np.linalg.norm(com - foot) >= offset * (1 - _ALIKE):
+            return None
+        sides = [x - axis * (axis @ x) for x in place.rotation.T[:2]]
+        side = max(sides, key=lambda x: float(np.linalg.norm(x).round(6)))
+        there = place.actInv(foot + offset * side / np.linalg.norm(side)).round(9) + 0.0
+        x, y, z = there.tolist()
+        return x, y, z
 
     def top_speeds(self, rating: Rating) -> list[float]:
         """Return (k,) rad/s or m/s, of the rating, else of the URDF."""
@@ -442,6 +473,41 @@ class Arm:
             winners.append(max(alike, key=self.reach))
         return np.array(winners), values.max(axis=0)
 
+    def postures(
+        self, which: Sequence[int], most: float = 0.0
+    ) -> tuple[list[FloatArray], list[int], FloatArray, FloatArray]:
+        """Return few postures in which some joints bear nearly their worst, by gravity or inertia.
+
+        Args:
+            which: carriers. most: effort beside which gravity may be nothing, beside their own.
+
+        Returns:
+            The postures (nj,); of each joint, which one; its largest |effort|; and the posture of
+            the largest of these.
+        """
+        joints = list(which)
+        worst, held = self.farthest(self.efforts, joints)
+        weighs = held >= _NO_GRAVITY * max(held.max(), most)
+        light = np.flatnonzero(~weighs)
+        if light.size:
+            worst[light] = self.farthest(self.inertias, [joints[k] for k in light])[0]
+
+        def load_of(q: FloatArray) -> FloatArray:
+            return np.where(weighs, self.efforts(q)[:, joints], self.inertias(q)[:, joints])
+
+        numbers = np.arange(len(joints))
+        best, of, found = load_of(worst)[numbers, numbers], [0] * len(joints), list[FloatArray]()
+        waiting = sorted(numbers.tolist(), key=lambda i: (not weighs[i], -held[i]))
+        while waiting:
+            near = load_of(worst[waiting]) >= _NEARLY_WORST * best
+            first = int(near[:, waiting].sum(axis=1).argmax())  # of equals what holds most
+            served = [i for i in waiting if near[first, i] or i == waiting[first]]
+            for i in served:
+                of[i] = len(found)
+            found.append(self.simplified(worst[waiting[first]], served, load_of, best))
+            waiting = [i for i in waiting if i not in served]
+        return found, of, held, worst[int(held.argmax())]
+
     def simplified(
         self,
         position: FloatArray,
@@ -472,6 +538,25 @@ class Arm:
         ]
         away = float(np.linalg.norm(places[-1] - places[min(1, len(self.joints) - 1)]))
         return min(0.0, round(min(float(place[2]) for place in places), 3)), away
+
+
+def _also_carried(scene: Scene, load: Payload, name: str) -> tuple[Scene, str]:
+    """The scene with a payload, and its name; `new --payload` writes the same."""
+    while scene.payloads.get(name, load).model_copy(update={"attached": load.attached}) != load:
+        name += "_"
+    return replace(scene, payloads={**scene.payloads, name: load}), name
+
+
+def _check_inertia(scene: Scene, load: Payload) -> None:
+    matrix = inertia_matrix(load)
+    if why := implausible_body(load.mass, matrix):
+        raise TrajectoryError(f"rating.inertia: {why}")
+    moment, most = float(np.linalg.eigvalsh(matrix)[2]), plausible_distance(scene.model)
+    if (radius := math.sqrt(moment / load.mass)) > most:
+        raise TrajectoryError(
+            f"rating.inertia: {moment:g} kg m^2 of {load.mass:g} kg is a radius of gyration of "
+            f"{radius:.3g} m; up to {most:.3g} m expected at this robot: give kg m^2"
+        )
 
 
 def _check_open(scene: Scene) -> None:

@@ -41,6 +41,7 @@ from pinfric.model.entry import (
     optional,
     parse,
 )
+from pinfric.model.schema import Moments
 from pinfric.model.yamlfile import read_yaml
 from pinfric.motions.joint_columns import JointColumn, limit_problems, refuse
 from pinfric.motions.log.reading import ANGLE_UNITS
@@ -114,7 +115,16 @@ class Rating(Entry):
 
     payload: Positive = key("rated mass that it carries", 10.0, "kg")
     payload_offset: NonNegative = key(
-        "of its centre of mass from the origin of `link`, along its z", 0.1, "m", default=0.1
+        "of its centre of mass from the origin of `link`, along its z; for the last joint as far "
+        "from its axis",
+        0.1,
+        "m",
+        default=0.1,
+    )
+    inertia: Moments | None = optional(
+        "of the payload, as of one of a scene; left out: a cube of water",
+        [0.1, 0, 0, 0.1, 0, 0.1],
+        "kg m^2",
     )
     link: Text | None = optional(
         "that carries it; left out: the scene's `tool`, else the last link", "tool0"

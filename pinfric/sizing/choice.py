@@ -329,9 +329,10 @@ def _algebra(
         chosen[i] = candidate
     scene = equip(task.scene, chosen, task.conditions)
     powers, most = list[InverseResult](), np.zeros(len(scene.drives))
-    for words, robot in task.robots.items():
-        gravity = robot.scene.model.gravity.linear
-        turned = scene.with_(gravity=gravity) if words else scene
+    for _, robot in task.every_robot():
+        turned, gravity = scene, robot.scene.model.gravity.linear
+        if robot is not task.robot:
+            turned = scene.with_(gravity=gravity, payloads=robot.scene.payloads)
         motion = task.one_cycle(turned, robot)
         settings = given or Stops(category=0, reaction_time=0.0)
         machines = Machines(turned, settings, full_load(turned, motion))

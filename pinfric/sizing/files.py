@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import datetime
 import warnings
 from dataclasses import replace
 from pathlib import Path
@@ -10,12 +11,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pinfric import __version__
 from pinfric.drives.installed import sized_for
 from pinfric.dynamics.inverse.inverse import inverse_dynamics
 from pinfric.errors import PinfricWarning, SizingError
 from pinfric.model.robot import locator
+from pinfric.model.scene import Scene
 from pinfric.model.scene_file import load_scene
 from pinfric.model.scene_text import robot_with_bodies, scene_content
+from pinfric.model.schema import Assumed
 from pinfric.model.yamlfile import yaml_text
 from pinfric.sizing.verdict import JointState, JointVerdict
 
@@ -62,10 +66,11 @@ def sized_files(report: SizingReport, folder: Path) -> dict[str, str]:
     }
     scene, rating = report.scene, report.rating
     if rating is not None and rating.cycles:
-        scene = replace(scene, payloads=rating.rated.given.payloads)
+        own = rating.rated.given.payloads
+        scene = replace(scene, payloads={name: scene.payloads[name] for name in own})
     old, new = report.given.model.inertias, scene.model.inertias
     heavier = any(not a.isApprox(b, 0.0) for a, b in zip(old, new, strict=True))
-    scene = replace(scene, sized=sized_for(scene))
+    scene = replace(scene, sized=sized_for(scene), assumed=_guesses(report, scene))
     content = scene_content(scene, robot, folder, _ROBOT if heavier else "")
     actuators = [a.drive_name for a in scene.actuators or ()]
     limits = {key: value for key, value in motors.items() if value}
@@ -80,6 +85,17 @@ def sized_files(report: SizingReport, folder: Path) -> dict[str, str]:
     if heavier:
         texts[_ROBOT] = robot_with_bodies(robot, scene.model)
     return texts
+
+
+def _guesses(report: SizingReport, scene: Scene) -> Assumed | None:
+    """The guesses of a scene, with the inertias of its payloads that `size` guessed."""
+    places = {f"robot.payloads.{name}.inertia" for name in scene.payloads}
+    guessed = {place: why for place, why in report.bodies.items() if place in places}
+    if not guessed:
+        return scene.assumed
+    today = datetime.date.today().isoformat()
+    own = scene.assumed or Assumed(by="pinfric size", date=today, version=__version__, values={})
+    return own.model_copy(update={"values": {**own.values, **guessed}})
 
 
 def judge_files(report: SizingReport) -> None:

@@ -16,7 +16,7 @@ import numpy as np
 from pinfric.drives.demand import driven_joint
 from pinfric.drives.limit import JointCase
 from pinfric.drives.parts import own_parts
-from pinfric.drives.robot import loads
+from pinfric.drives.robot import DrivenRobot, loads
 from pinfric.motions.summary import effort_unit, rms
 from pinfric.sizing.drive_search import Assessment, DriveSearch, Known, Parts
 from pinfric.sizing.provisional import provisional
@@ -27,6 +27,8 @@ _KEPT = 8
 #: Changes this small, of the largest magnitude, are rounding: within a stretch, of two loads.
 _NO_CHANGE, _SAME = 1e-12, 1e-9
 
+#: Ends the part of a case whose payloads are points: the last of all.
+AS_POINTS = "as points"
 #: Masses (kg) by drives' columns, that can be compared.
 Added = frozenset[tuple[int, float]]
 #: Part of a rating, and mounting.
@@ -75,7 +77,7 @@ class Memory:
         beyond = frozenset((k, m) for k, m in masses.items() if m and loads(task.scene, k, i))
         key = i, alone, beyond, frozenset() if task.robot.exact else solved
         if key not in self._loads:
-            for robot in () if task.robot.exact else task.robots.values():
+            for _, robot in () if task.robot.exact else task.every_robot():
                 robot.solve(dict(solved))
             own = cases(task, i, masses, alone)
             found = {name: thinned(case) for name, case in own.items()}
@@ -123,18 +125,13 @@ def cases(
 ) -> dict[CaseName, JointCase]:
     """Return a joint for each part of a rating and mounting, that of largest RMS effort first.
 
-    A brake holds the largest load of all mountings, where their motions differ in every pose.
+    A brake holds the largest load of all mountings, where their motions differ in every pose. Those
+    with payloads as points are last: a body takes the stronger brake.
 
     Args: as of `Memory.load`.
     """
-    of_joint = {
-        (part, mounting): robot.case(i, masses, schedule, alone)
-        for mounting, robot in task.robots.items()
-        for part, schedule in (
-            {"": None} if robot.rating is None else robot.rating.means(i)
-        ).items()
-        if part.startswith(alone)
-    }
+    of_joint = _cases(task.robots, i, masses, alone)
+    apart = _cases(task.points, i, masses, alone)
     if len(task.robots) > 1:
         rests = [case.rest for case in of_joint.values() if case.rest is not None]
         held = [np.abs(demand.load) for demand in rests]
@@ -147,8 +144,28 @@ def cases(
             )
             for key, case in of_joint.items()
         }
+    for key, case in apart.items():  # a small load of a large effort takes no brake
+        rest, point = of_joint[key].rest, case.rest
+        if rest is not None and point is not None:
+            rest = rest._replace(peak=min(rest.peak, point.peak))
+            of_joint[key] = of_joint[key]._replace(rest=rest)
     effort = {key: rms(c.cycle.stretched, c.cycle.ends[0]) for key, c in of_joint.items()}
-    return {key: of_joint[key] for key in sorted(of_joint, key=lambda key: -effort[key])}
+    order = sorted(of_joint, key=lambda key: -effort[key])
+    found = {key: of_joint[key] for key in order}
+    return found | {(f"{key[0]} {AS_POINTS}", key[1]): apart[key] for key in order if key in apart}
+
+
+def _cases(
+    robots: Mapping[str, DrivenRobot], i: int, masses: Mapping[int, float], alone: str
+) -> dict[CaseName, JointCase]:
+    return {
+        (part, mounting): robot.case(i, masses, schedule, alone)
+        for mounting, robot in robots.items()
+        for part, schedule in (
+            {"": None} if robot.rating is None else robot.rating.means(i)
+        ).items()
+        if part.startswith(alone)
+    }
 
 
 def thinned(case: JointCase) -> JointCase:

@@ -208,6 +208,8 @@ class SizingReport(Shown):
         no_stops: why the stops that the scene asks for could not be judged; else "".
         rating: what the robot is rated for, beside a cycle or alone; None: a cycle alone.
         elsewhere: scenes in which the robot is mounted otherwise, for which the drives are, too.
+        bodies: inertias of payloads that were guessed, and as what, by their places in the scene.
+        point_mass: mass of the drives if these payloads were points, kg; None: no choice, or none.
         beyond: joints that the cycle moves faster or farther than the URDF allows, in words.
         open_stops: by column, what the gears would bear in stops, N m or N, which the choice does
             not use: of a rating alone; NaN where brakes may close and no algebra tells it.
@@ -235,6 +237,8 @@ class SizingReport(Shown):
     contradiction: str = ""
     rating: RatedCycle | None = None
     elsewhere: tuple[str, ...] = ()
+    bodies: Mapping[str, str] = field(default_factory=dict)
+    point_mass: float | None = None
     beyond: tuple[str, ...] = ()
     open_stops: Mapping[int, float] = field(default_factory=dict)
     sensitivity: tuple[Sensitivity, ...] = ()

@@ -17,6 +17,7 @@ from pinfric.drives.drivetrain import motor_cycle
 from pinfric.drives.duty import Duty
 from pinfric.drives.limit import JointCase
 from pinfric.drives.parts import check_names
+from pinfric.drives.payloads import guessed_bodies
 from pinfric.drives.policy import Conditions, parse_conditions
 from pinfric.drives.robot import carried, equip
 from pinfric.dynamics.inverse.inverse import inverse_dynamics
@@ -160,7 +161,7 @@ def _motion_of_rating(
 
 
 def _report(task: Task, memory: Memory, choice: Choice) -> SizingReport:
-    for robot in () if task.robot.exact else task.robots.values():
+    for _, robot in () if task.robot.exact else task.every_robot():
         robot.solve(dict(choice.solved))
     joints = tuple(_joint(task, memory, choice, i) for i in range(len(task.scene.drives)))
     screened, no_stops = simulated_stops(task, memory, choice)
@@ -199,6 +200,8 @@ def _report(task: Task, memory: Memory, choice: Choice) -> SizingReport:
         lighter=_lighter(task, memory, choice),
         rating=rating,
         elsewhere=tuple(task.elsewhere),
+        bodies=guessed_bodies(task.given, task.guessed),
+        point_mass=_point_mass(task, choice),
         beyond=moves_beyond(without.scene, without.states.q[own], without.states.v[own]),
         open_stops=open_stops(task, memory, choice),
     )
@@ -213,6 +216,15 @@ def _other_mass(task: Task, memory: Memory, choice: Choice) -> float | None:
     other = task.with_masses({**bare, OTHERS: "with_drives"})
     held = settle(other, memory, Choice(most=choice.most), OF_DRIVES)[1]
     return None if contradiction(other, held.taken) else held.mass
+
+
+def _point_mass(task: Task, choice: Choice) -> float | None:
+    """Mass of the drives that payloads would take as points, kg; None: none is guessed."""
+    if not task.points or not choice.taken:
+        return None
+    as_points = replace(task, robots=task.points, points={}, progress=lambda _: None)
+    begin = Choice(bare=choice.bare, most=choice.most)
+    return settle(as_points, Memory(), begin, OF_DRIVES)[1].mass
 
 
 def _lighter(task: Task, memory: Memory, choice: Choice) -> dict[int, Assessment]:
@@ -238,7 +250,7 @@ def _joint(task: Task, memory: Memory, choice: Choice, i: int) -> JointSizing:
     # other scenes have motions of their own, which the tables do not show
     shown = {key: c for key, c in of_joint.items() if key[1] not in task.elsewhere}
     same = {n: c for n, c in shown.items() if drive and _alike(c, drive.drives.case)}
-    decided, case = next(iter((same or shown).items()))
+    decided, case = next(iter((same or shown).items()))  # never one as points
     robot = task.robots[decided[1]]
     beside = [c for name, c in shown.items() if name[1] == decided[1] and c is not case]
     demand = hardest([joint_demand(robot.result, i, c.cycle) for c in (case, *beside)])

@@ -226,6 +226,9 @@ class RatingSummary:
 
     payload: float = quantity("rated mass", "kg")
     payload_offset: float = quantity("of its centre of mass, along z of the link", "m")
+    across: str | None = quantity(
+        "last joint, for which it is also as far from the axis; none: it is so far for all"
+    )
     link: str = quantity("that carries it")
     reach: float = quantity("farthest of the payload from the second joint, the shoulder", "m")
     acceleration_time: float = quantity("of one joint alone, from rest to top speed", "s")
@@ -265,6 +268,12 @@ class SizingSummary:
         "of several mountings the hardest for each joint; empty: there is one"
     )
     bus: BusPower = quantity("electrical power of all drives together")
+    bodies: dict[str, str] = quantity(
+        "inertias of payloads that were guessed, and as what, by their places in the scene"
+    )
+    point_mass: float | None = quantity(
+        "mass of the drives if these payloads were points; none: none is guessed", "kg"
+    )
     other_mass: float | None = quantity(
         "mass of the drives if the links hold them; none: the scene says it, or they are too light",
         "kg",
@@ -354,6 +363,7 @@ def _rating_summary(report: SizingReport, rated: Rated) -> RatingSummary:
     return RatingSummary(
         rated.rating.payload,
         rated.rating.payload_offset,
+        rated.columns[rated.lifts[-1].column].name if rated.across else None,
         rated.link,
         rated.reach,
         rated.rating.acceleration_time,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -12,6 +12,7 @@ from pinfric.drives.catalog import Brake, Catalog
 from pinfric.drives.duty import Duty, Schedule, once
 from pinfric.drives.friction import without_drives
 from pinfric.drives.mounting import mountings, turned_as
+from pinfric.drives.payloads import points, with_bodies
 from pinfric.drives.policy import Conditions
 from pinfric.drives.rated import RatedCycle
 from pinfric.drives.robot import DrivenRobot, added_masses
@@ -35,6 +36,9 @@ class Task:
         catalog: None: demand only. conditions: what is demanded.
         robots: by mounting: the scene's own "", those of `mounting: any`, and those of other
             scenes, whose duties are in `elsewhere`.
+        points: the same robots with payloads as points, where `guessed` ones are cubes of water;
+            empty: there are none.
+        guessed: names of the payloads whose inertia is not given.
         files: that were read. progress: called with a line at each step.
         unloaded: (nv,) joints that move no mass.
         arrays: of the catalogue, by whether they are for sliding joints.
@@ -53,11 +57,18 @@ class Task:
     unloaded: np.ndarray
     progress: Callable[[str], object]
     arrays: Mapping[bool, CatalogArrays]
+    points: Mapping[str, DrivenRobot]
+    guessed: tuple[str, ...]
 
     @property
     def robot(self) -> DrivenRobot:
         """As the scene mounts it."""
         return self.robots[""]
+
+    def every_robot(self) -> Iterator[tuple[str, DrivenRobot]]:
+        """Yield each robot by its mounting, those with payloads as points last."""
+        yield from self.robots.items()
+        yield from self.points.items()
 
     @property
     def stops_once(self) -> bool:
@@ -132,7 +143,9 @@ def task_of(
     else:
         motion = trajectory
     drives = [drive.name for drive in scene.drives] if catalog is not None else ()
-    given, scene = scene, without_drives(scene, drives)
+    known, guessed = scene, points(scene)
+    given = with_bodies(scene)
+    scene = without_drives(given, drives)
     # 2. The robot in each of its mountings
     robots = {"": DrivenRobot(scene, motion, duty, conditions, rating)}
     if conditions.mounting == "any":
@@ -147,7 +160,7 @@ def task_of(
                 "a rating beside cycles of other scenes: give the condition mounting=any, or "
                 "size without the rating"
             )
-        words, gravity = turned_as(given, other), other.model.gravity.linear
+        words, gravity = turned_as(known, other), other.model.gravity.linear
         if words in elsewhere:
             raise SizingError(f"duty: {words} is there twice; give all its cycles in one duty")
         if catalog is not None and not gravity.any():
@@ -156,6 +169,17 @@ def task_of(
         turned, schedule = scene.with_(gravity=gravity), there.schedule()
         robots[words] = DrivenRobot(turned, there.motion(), schedule, conditions)
         cycles += [cycle for cycle, _ in there.cycles]
+    apart = {
+        words: DrivenRobot(
+            replace(robot.scene, payloads=known.payloads),
+            robot.motion,
+            robot.duty,
+            conditions,
+            robot.rating,
+        )
+        for words, robot in robots.items()
+        if guessed
+    }
     # 3. What was read, and whether there is anything to size
     files = [given.source, *(other.source for other, _ in others)]
     files += [] if given.robot is None else [str(given.robot.urdf)]
@@ -181,6 +205,8 @@ def task_of(
         unloaded,
         progress,
         arrays,
+        apart,
+        guessed,
     )
 
 

@@ -205,10 +205,5 @@ def with_loads(scene: Scene, factor: float, load: float) -> Scene:
             for a in scene.actuators
         ]
     if load not in (0.0, 1.0):
-        change["payloads"] = {
-            name: p.model_copy(
-                update={"mass": load * p.mass, "inertia": tuple(load * x for x in p.inertia)}
-            )
-            for name, p in scene.payloads.items()
-        }
+        change["payloads"] = {name: p.scaled(load) for name, p in scene.payloads.items()}
     return scene.with_(**change) if change else scene

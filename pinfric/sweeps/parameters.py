@@ -369,8 +369,7 @@ def mounted_gravity(model: pin.Model, roll: float, pitch: float) -> np.ndarray:
 
 def _with_payload(payload: Payload, key: str, value: float) -> Payload:
     if key == "mass":
-        scaled = tuple(x * value / payload.mass for x in payload.inertia)
-        return payload.model_copy(update={"mass": value, "inertia": scaled})
+        return payload.scaled(value / payload.mass)
     com = list(payload.com)
     com["xyz".index(key[-1])] = value
     return payload.model_copy(update={"com": tuple(com)})

@@ -12,6 +12,7 @@ from sizing_cases import COOL, GEAR, MOTOR, one_drive, trapezoid, turntable, wri
 import pinfric as pf
 from pinfric.drives.criterion import Status
 from pinfric.drives.limits import SHOCK
+from pinfric.drives.payloads import with_bodies
 from pinfric.errors import CatalogError, SizingError, TrajectoryError
 from pinfric.model.described import in_json
 from pinfric.model.robot import read_robot
@@ -99,19 +100,19 @@ def test_of_a_rating_alone_gears_that_stops_would_overload_are_not_signed(tmp_pa
 def test_means_are_over_each_joints_own_part(tmp_path):
     report = sized("arm", tmp_path, catalog=None)
     rated = report.rating.rated
-    moves = {lift.drive: motion for lift, motion in rated.motions() if lift is not None}
-    holds = [motion for lift, motion in rated.motions() if lift is None]
+    scene = with_bodies(rated.scene)
+    moves = {lift.drive: motion for _, lift, motion in rated.motions() if lift is not None}
     for k, joint in enumerate(report.joints):
-        alone = pf.inverse_dynamics(rated.scene, moves[k])
+        with_it = rated.carried_by(k)
+        holds = [m for load, lift, m in rated.motions() if lift is None and load == with_it]
+        alone = pf.inverse_dynamics(scene, moves[k])
         square = np.trapezoid(alone.effort_frictionless[:, k] ** 2, moves[k].t)
         own = np.sqrt(square / moves[k].duration)
-        held = [pf.inverse_dynamics(rated.scene, m).effort_frictionless[0, k] for m in holds]
+        held = [pf.inverse_dynamics(scene, m).effort_frictionless[0, k] for m in holds]
         still = np.sqrt(np.mean(np.square(held)))
         assert joint.demand.rms == pytest.approx(max(own, still), rel=1e-6, abs=1e-9)
         assert joint.decided == ("rating: move" if own >= still else "rating: hold")
-        every = [
-            pf.inverse_dynamics(rated.scene, m).effort_frictionless for _, m in rated.motions()
-        ]
+        every = [pf.inverse_dynamics(scene, m).effort_frictionless for *_, m in rated.motions()]
         assert joint.demand.peak == pytest.approx(np.abs(np.concatenate(every)[:, k]).max())
         assert joint.demand.speed == pytest.approx(rated.lifts[k].speed)
 

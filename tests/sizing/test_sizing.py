@@ -436,6 +436,7 @@ def test_cylinders_are_sized_by_their_own_rate():
     """Independent: lengths from Pinocchio's frames; rates by differences, work by trapezoids."""
     scene, motion = example("excavator", "excavator.waypoints.yaml")
     report = pf.size(scene, motion)
+    scene = report.given  # its soil is a body
     result = pf.inverse_dynamics(scene, motion)
     model, data = scene.model, scene.model.createData()
     ends = [(a.cylinder.a, a.cylinder.b) for a in scene.actuators]

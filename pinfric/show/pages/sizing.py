@@ -40,6 +40,7 @@ from pinfric.show.report.html import Marked, mark
 from pinfric.show.report.names import short_names
 from pinfric.show.report.rows import table_of
 from pinfric.show.report.sizing import (
+    body_lines,
     demand_table,
     elastic_lines,
     friction_line,
@@ -108,7 +109,12 @@ def sizing_page(report: SizingReport, command: str = "", inputs: Iterable[str | 
         verdict="" if report.catalog is None else verdict(report),
         passes=passes(report),
         failing=[f"{', '.join(of)}: {text}" for text, of in failing.items()],
-        remarks=[*rating_lines(summary), *friction_line(report), *summary.verdict.remarks],
+        remarks=[
+            *rating_lines(summary),
+            *body_lines(report),
+            *friction_line(report),
+            *summary.verdict.remarks,
+        ],
         choices=None if report.catalog is None else choice_table(summary, _CELLS),
         products=product_lines(summary),
         conditions_line=_demanded(report),

@@ -60,7 +60,8 @@ def sizing_report(report: SizingReport, verbose: bool = True, written: bool = Fa
     notes = [f"note: {line}" for line in report.notes]
     failing = [*beyond_limits(report.result_without_masses), *report.verdict.failing]
     summary = sizing_summary(report)
-    said = (*rating_lines(summary), *friction_line(report), *report.verdict.remarks)
+    said = (*rating_lines(summary), *body_lines(report), *friction_line(report))
+    said = (*said, *report.verdict.remarks)
     how_ = mounted(report.given, report.conditions.mounting == "any", report.elsewhere)
     if not how_.startswith(_USUAL):
         said = (*said, how_)
@@ -137,17 +138,35 @@ def friction_line(report: SizingReport) -> list[str]:
     return [f"friction: {said}; drives' losses replace it"]
 
 
+def body_lines(report: SizingReport) -> list[str]:
+    """Return which payloads were taken as cubes of water, and what that adds."""
+    names: dict[str, list[str]] = {}
+    for place, why in report.bodies.items():
+        names.setdefault(why, []).append(place.split(".")[2])
+    if not names:
+        return []
+    said = ", ".join(f"payload {' and '.join(of)} is {why}" for why, of in names.items())
+    heavier, lighter = (f"{digits(x or 0.0)} kg" for x in (report.drive_mass, report.point_mass))
+    adds = f"; {heavier} of drives, {lighter} as a point"
+    if report.point_mass is None:
+        adds = ""
+    elif report.point_mass == report.drive_mass:
+        adds = "; the drives are those of a point"
+    return [f"guess: {said}, for want of its `inertia`{adds}"]
+
+
 def rating_lines(summary: SizingSummary) -> list[str]:
     """Return the robot's rating, and the lowest frequency with that payload."""
     if (rating := summary.rating) is None:
         return []
     most = max(rating.joints, key=lambda joint: joint.held)
+    aside = f", for {rating.across} as far off its axis" if rating.across else ""
     beside = "; beside the cycle: each joint bears both" if rating.joints[0].by_rating else ""
     lines = [
         f"rated for {digits(rating.payload)} kg, {digits(rating.payload_offset)} m beyond "
-        f"{rating.link}, up to {digits(rating.reach)} m from the second joint: held in the worst "
-        f"posture of each joint, at most {digits(most.held)} {most.unit} ({most.name}) without the "
-        f"masses of chosen drives, and lifted from there by it alone, in "
+        f"{rating.link}{aside}, up to {digits(rating.reach)} m from the second joint: held in the "
+        f"worst posture of each joint, at most {digits(most.held)} {most.unit} ({most.name}) "
+        f"without the masses of chosen drives, and lifted from there by it alone, in "
         f"{digits(rating.acceleration_time)} s to top speed, at most 90\N{DEGREE SIGN}{beside}"
     ]
     swings = {joint.name: joint.frequency for joint in rating.joints if joint.frequency}
