@@ -14,7 +14,7 @@ slows it down.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -51,7 +51,8 @@ _STATICS = (
 #: Of the robot's largest effort: what is smaller is rounding of its motion or of its masses.
 _NOTHING = 1e-6
 _HOLDING, BRAKE, _STOP = "holding without power", "holding brake", "brake stop energy"
-_COIL = "brake coil voltage"
+_COIL, _WEAR = "brake coil voltage", "brake wear"
+_BY_MAKER = "maker's figures"
 
 
 @described
@@ -59,7 +60,8 @@ class Standstill:
     """Holding of a joint when power fails, worst case along the cycle.
 
     Attributes:
-        criteria: holding without power, the brake's torque, its energy in a stop, and its coil.
+        criteria: holding without power, the brake's torque, its energy in a stop, its wear by many,
+            and its coil.
     """
 
     effort: tuple[float, float] = quantity(
@@ -141,20 +143,36 @@ def at_rest(scene: Scene, states: States) -> InverseResult:
 def resting_loads(still: InverseResult, conditions: Conditions) -> np.ndarray:
     """Return what brakes hold in each posture, (T, na) N m or N, without friction.
 
-    With `lost_springs: one` the largest of what all springs and hoses leave, and what remains if
-    any one spring is lost.
+    With `lost_springs: one` the largest of what all springs, hoses and payloads leave, and what
+    remains if any one spring or payload is lost: a counterweight, or the load that it balances.
 
     Args:
         still: of `at_rest`.
     """
-    loads, springs = still.effort_frictionless, still.scene.springs
-    for lost in springs if conditions.lost_springs == "one" else ():
-        if lost.kind == "hose":
-            continue
-        fewer = replace(still.scene, springs=tuple(s for s in springs if s is not lost))
-        without = at_rest(fewer, still.states).effort_frictionless
+    loads = still.effort_frictionless
+    for fewer, states in _losses(still) if conditions.lost_springs == "one" else ():
+        without = at_rest(fewer, states).effort_frictionless
         loads = np.where(np.abs(without) > np.abs(loads), without, loads)
     return loads
+
+
+def _losses(still: InverseResult) -> Iterator[tuple[Scene, States]]:
+    """Yield the scene without friction and one of its springs, or one of the payloads carried."""
+    scene, states = still.scene, still.states
+    bare = replace(scene, friction={})
+    for lost in scene.springs:
+        if lost.kind != "hose":
+            fewer = tuple(s for s in scene.springs if s is not lost)
+            yield replace(bare, springs=fewer), states
+    carried = states.attached
+    if carried is None:
+        default = [load.attached for load in scene.payloads.values()]
+        carried = np.tile(default, (len(states.q), 1))
+    for k in range(len(scene.payloads)):
+        if carried[:, k].any():
+            rest = carried.copy()
+            rest[:, k] = False
+            yield bare, replace(states, attached=rest)
 
 
 def _standstill(
@@ -185,7 +203,8 @@ def _standstill(
             turning = np.abs(gear.ratio * result.actuator_velocity[:, i])
             at_shaft = inertia / gear.ratio**2 + gear.rotor_inertia
             within = demand.within(conditions)
-            stop = Stop(at_shaft, turning, np.abs(load / gear.ratio), within)
+            count = conditions.brake_stops
+            stop = Stop(at_shaft, turning, np.abs(load / gear.ratio), within, count)
     pose = _hardest(still, i)
     use, held = _use(still, i, pose, own[pose])
     torque = None if shaft is None else demand.reserve(conditions) * shaft[1]
@@ -202,7 +221,10 @@ def _standstill(
         )
     if fitted == "" and not why:
         held_by = replace(held_by, note=demand.without_brake(back))
-    energy = _energy(stop, name, brakes, stated(conditions, "holding_brake") if needed else "")
+    judged = name
+    if needed and fitted is not None and name is None and brakes:
+        judged = list(brakes)[-1]  # each fails by its torque or its energy, the strongest too
+    energy = _energy(stop, judged, brakes, stated(conditions, "holding_brake") if needed else "")
     formula = "static friction needed / its limit <= 1, power off and all other joints held"
     unpowered = compare(_HOLDING, use, 1.0, "", formula, _STATICS, "a unique static solution")
     if held is False:
@@ -210,7 +232,8 @@ def _standstill(
         unpowered = replace(
             unpowered, status=Status.NOT_REQUIRED, required=None, note=note, missing=""
         )
-    criteria = (unpowered, held_by, energy, *_coil(name, brakes, conditions))
+    wear = _wear(stop, judged, brakes, conditions)
+    criteria = (unpowered, held_by, energy, *wear, *_coil(name, brakes, conditions))
     there = name is not None and bool(why) if fitted is None else bool(fitted)
     return Standstill(effort, shaft, use, held, float(result.times[pose]), name, there, criteria)
 
@@ -236,7 +259,8 @@ def rest_of(
     unsure = any(place.startswith(("robot.masses", "robot.payloads")) for place in weights)
     own = own_friction(scene, drive.name)
     moves = speed > scene.stick_velocity_of(drive)
-    sprung = conditions.lost_springs == "one" and any(s.kind != "hose" for s in scene.springs)
+    lost = bool(scene.payloads) or any(s.kind != "hose" for s in scene.springs)
+    sprung = lost and conditions.lost_springs == "one"
     return RestDemand(load, peak, own, moves, scene.stops is not None, unsure, sprung)
 
 
@@ -248,12 +272,14 @@ class Stop(NamedTuple):
     Attributes:
         inertia: (T,) kg m^2. speed: (T,) rad/s. load: (T,) |T_load|, N m.
         within: time in which the brake must stop it, s; infinite: any.
+        count: stops as hard until it is worn; None: any.
     """
 
     inertia: np.ndarray
     speed: np.ndarray
     load: np.ndarray
     within: float = np.inf
+    count: float | None = None
 
     def torque(self, brake: Brake) -> float:
         """Return what it takes to stop in time, N m: |T_load| + (J + J_brake) omega/t, largest."""
@@ -267,6 +293,16 @@ class Stop(NamedTuple):
         inertia, delay = self.inertia + brake.inertia_ends[1], brake.engage_time or 0.0
         way = closing_way(inertia, self.speed, self.load, delay, brake.torque - self.load)
         return float(brake.torque * way.max())
+
+    def wear(self, brake: Brake) -> float | None:
+        """Return the energy of all stops, J; None: no number is demanded."""
+        return None if self.count is None else self.count * self.energy(brake)
+
+    def bears(self, brake: Brake) -> bool:
+        """Return whether a brake bears one stop and all of them, as far as its maker says."""
+        one, every, wear = brake.stop_energy, brake.wear_energy, self.wear(brake)
+        single = one is None or self.energy(brake) <= one
+        return single and (every is None or wear is None or wear <= every)
 
 
 def braking_torques(brake: Brake, torque: float, stop: Stop | None) -> tuple[float, float]:
@@ -349,16 +385,15 @@ def ranked(brakes: Mapping[str, Brake], most: float = np.inf) -> dict[str, Brake
 
 
 def smallest_brake(brakes: Mapping[str, Brake], torque: float, stop: Stop | None) -> str | None:
-    """Return the first brake that bears a torque, a stop in time and, where printed, its energy.
+    """Return the first brake that bears a torque, a stop in time and, where printed, the energy.
 
     Args:
         brakes: in the order of `ranked`. torque: at the shaft, N m.
         stop: at the shaft, without the brake; None: not known.
     """
     for name, brake in brakes.items():
-        most = brake.stop_energy
         wanted, has = braking_torques(brake, torque, stop)
-        if has >= wanted and (stop is None or most is None or stop.energy(brake) <= most):
+        if has >= wanted and (stop is None or stop.bears(brake)):
             return name
     return None
 
@@ -380,7 +415,7 @@ def _torque(
         factor += " (masses or payloads are guesses)"
     formula = f"{factor} max |load|/ratio at rest, without friction <= torque of the brake"
     if rest.sprung:
-        formula = formula.replace("friction", "friction and without any one spring")
+        formula = formula.replace("friction", "friction and any one spring or payload")
         said += f"; {stated(conditions, 'lost_springs')}"
     if stop is not None and stop.within < np.inf:
         formula += f", and max |load|/ratio + J max omega/{stop.within:g} s"
@@ -427,6 +462,26 @@ def _energy(
     return Criterion(_STOP, Status.NOT_REQUIRED, energy, None, "J", None, formula, source, "")
 
 
+def _wear(
+    stop: Stop | None, name: str | None, brakes: Mapping[str, Brake], conditions: Conditions
+) -> tuple[Criterion, ...]:
+    if name is None:
+        return ()
+    rule = "number of stops x energy of the hardest <= energy until the brake is worn", _BY_MAKER
+    brake, said = brakes[name], stated(conditions, "brake_stops")
+    if conditions.brake_stops is not None:
+        missing = "inertia at the shaft" if stop is None else "energy until the brake is worn"
+        wear = None if stop is None else stop.wear(brake)
+        return (compare(_WEAR, wear, brake.wear_energy, "J", *rule, missing, "", said),)
+    energy = None if stop is None else stop.energy(brake)
+    note = "its maker prints no energy until it is worn"
+    if brake.wear_energy is not None:
+        hardest = f"{brake.wear_energy / energy:.3g} of the hardest" if energy else "any number of"
+        note = f"it bears {hardest} stops"
+    figures = None, brake.wear_energy, "J", None
+    return (Criterion(_WEAR, Status.NOT_REQUIRED, *figures, *rule, f"{note}; {said}"),)
+
+
 def _coil(
     name: str | None, brakes: Mapping[str, Brake], conditions: Conditions
 ) -> tuple[Criterion, ...]:
@@ -434,7 +489,7 @@ def _coil(
         return ()
     most = coil_supply(conditions)
     said = stated(conditions, "coil_voltage", "bus_voltage")
-    rule = "voltage of the coil <= the higher of coil supply and bus", "maker's figures"
+    rule = "voltage of the coil <= the higher of coil supply and bus", _BY_MAKER
     coil = compare(_COIL, brakes[name].voltage, most, "V", *rule, "voltage of the brake", "", said)
     # a voltage that passes is no tighter the nearer it is
     return (coil if coil.fails else replace(coil, margin=None),)

@@ -688,6 +688,9 @@ class Brake(HoldingBrake, Sourced):
         "of its parts that turn with the motor", 1e-06, "kg m^2"
     )
     mass: Positive | None = optional("of the brake", 0.2, "kg")
+    wear_energy: Positive | None = optional(
+        "energy of all emergency stops until it is worn", 35e3, "J"
+    )
 
     @property
     def mass_taken(self) -> float:

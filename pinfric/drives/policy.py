@@ -239,9 +239,16 @@ class Conditions(Entry):
         default=24.0,
     )
     lost_springs: Literal["one", "none"] = key(
-        "springs that a brake must do without: gas springs lose pressure, and springs break",
+        "springs and payloads that a brake must do without: gas springs lose pressure, springs "
+        "break, a counterweight or the load that it balances comes off",
         "none",
         default="one",
+    )
+    brake_stops: Positive | None = optional(
+        "emergency stops that a brake bears until it is worn, each as hard as the cycle's hardest; "
+        "left out: printed, not judged",
+        500.0,
+        "1",
     )
     bus_limit: Positive | None = optional(
         "highest permissible bus voltage while motors brake", 56.0, "V"

@@ -23,7 +23,8 @@ class RestDemand(NamedTuple):
         load: (T,) effort that holds it without friction, N m (N), at every pose of the cycle.
         peak: largest effort of the cycle. own: dry friction that is known to be the joint's own.
         moves: it moves in the cycle. stops: the scene says how the robot is stopped.
-        unsure: masses or payloads are guesses. sprung: any one spring may be lost.
+        unsure: masses or payloads are guesses. sprung: any one spring or payload may be
+            lost.
     """
 
     load: np.ndarray

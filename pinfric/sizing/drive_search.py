@@ -645,8 +645,9 @@ class DriveSearch:
             return None
         speed = np.abs(candidate.ratio * self.case.cycle.velocity)
         at_shaft = np.full(len(speed), load / candidate.ratio**2 + inertia)
-        within = demand.within(self.case.conditions)
-        return Stop(at_shaft, speed, np.abs(demand.load / candidate.ratio), within)
+        conditions = self.case.conditions
+        asked = demand.within(conditions), conditions.brake_stops
+        return Stop(at_shaft, speed, np.abs(demand.load / candidate.ratio), *asked)
 
     def holding_torque(self, drive_: Candidate) -> float | None:
         """Return what a brake at the shaft must hold, N m; None where none is needed.

@@ -18,7 +18,8 @@ from types import SimpleNamespace
 import numpy as np
 import pinocchio as pin
 import pytest
-from builders import chain, dry
+from builders import chain, dry, lump
+from judges.test_linked_simulate import parallelogram_scene, swing
 from sizing_cases import write_catalog
 
 import pinfric as pf
@@ -560,6 +561,184 @@ def test_a_cold_strain_wave_gear(tmp_path):
     assert tops["strain wave", 0.0] == pytest.approx(cold, rel=1e-4)
     others = [top for key, top in tops.items() if key != ("strain wave", 0.0)]
     assert others == pytest.approx([warm] * 5, rel=1e-4)
+
+
+# ---------------------------------------------------------------- payloads, springs and brakes
+
+#: A lever with 8 kg at 0.5 m along it, level at q = 0; a gear of 100 and 0.8.
+LOAD, ARM = 8.0, 0.5
+OWN = {"kind": "crossed roller", "max_moment": 1e5, "max_radial": 1e6, "max_axial": 1e6}
+
+
+def held(tmp_path, parts=((1.0, 0.0),), brake=None, payloads=None, springs=(), **conditions):
+    """Criteria of the drive and of holding of a lever about a level axis, by name."""
+    model = chain(("axis", pin.JointModelRY(), lump(1e-9, [0.0, 0.0, 0.0], moment=0.0)))
+    model.addFrame(pin.Frame("tool", 1, 0, pin.SE3.Identity(), pin.FrameType.BODY))
+    loads = {"box": {"link": "tool", "mass": LOAD, "com": [ARM, 0, 0]}} | (payloads or {})
+    more = {"payloads": loads, "springs": springs, "masses": "with_drives"}
+    scene = pf.Scene(model=model, stick_velocity=0.0, **more)
+    motor, gear = strong(bearing=OWN, max_speed=500.0, max_input_speed=500.0)
+    brakes = {} if brake is None else {"brakes": {"B": SOURCED | brake}}
+    parts_of = {"M": SOURCED | motor}, {"G": SOURCED | gear}
+    path = write_catalog(tmp_path / "c.yaml", *parts_of, **brakes)
+    given = {"inertia_ratio": 1e3, **conditions}
+    report = pf.size(
+        scene, motion(scene, parts), load_catalog(path), conditions=given, on_miss="ignore"
+    )
+    return {c.name: c for c in report.criteria[0]}, report
+
+
+def test_the_torque_of_a_payload_without_inertia(tmp_path):
+    """Lifted with 4 rad/s^2: 8 kg of water are 0.2 m wide, 8 x 0.2^2/6 = 0.0533 kg m^2.
+
+    (8 x 0.5^2 + 0.0533) x 4 + 8 g 0.5 = 47.45 N m; 0.5931 at the motor, with its rotor's
+    100 x 2.2e-4 x 4 = 0.088 N m.
+    """
+    up = [(0.2, -4.0), (0.2, 4.0), (1.0, 0.0)]  # about +y the lever falls where the angle grows
+    found, report = held(tmp_path, up, holding_brake="any")
+    inertia = LOAD * ARM**2 + LOAD * 0.2**2 / 6
+    at_joint = inertia * 4.0 + LOAD * G * ARM
+    assert report.joints[0].demand.peak == pytest.approx(at_joint, rel=1e-9)
+    assert report.joints[0].load_inertia == pytest.approx(inertia, rel=1e-9)
+    top = at_joint / 0.8 / 100 + 100 * 2.2e-4 * 4.0
+    assert found["peak torque"].required == pytest.approx(1.2 * top, rel=1e-6)
+    ratio = inertia / (100.0**2 * 2.2e-4)
+    assert found["inertia ratio"].required == pytest.approx(ratio, rel=1e-6)
+
+
+#: What balances 8 g 0.5 = 39.24 N m: a spring in the joint, or 16 kg at 0.25 m on its other side.
+BALANCED = {
+    "spring": {"springs": [{"kind": "torsion", "joint": "axis", "stiffness": 0.0, "name": "s",
+                            "preload": -LOAD * G * ARM}]},
+    "counterweight": {"payloads": {"weight": {"link": "tool", "mass": 16.0, "com": [-0.25, 0, 0]}}},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("lost", ["one", "none"])
+@pytest.mark.parametrize("by", BALANCED)
+def test_a_brake_without_what_balances_the_load(by, lost, tmp_path):
+    """Balanced it holds nothing; without spring, weight or load 1.5 x 39.24/100 N m."""
+    found, report = held(tmp_path, brake={"torque": 0.7}, lost_springs=lost, **BALANCED[by])
+    row = found["holding brake"]
+    if lost == "none":
+        assert report.joints[0].installed.candidate.brake == ""
+        assert row.required == pytest.approx(0.0, abs=1e-9)
+        return
+    assert report.joints[0].installed.candidate.brake == "B"
+    assert row.required == pytest.approx(1.5 * LOAD * G * ARM / 100.0, rel=1e-6)
+    assert row.available == 0.7
+    assert row.status == Status.PASSES
+    assert "any one spring or payload" in row.formula
+
+
+@pytest.mark.parametrize(("bus", "coil", "status"), [(48.0, 24.0, "FAILS"), (300.0, 24.0, "PASSES"),
+                                                     (48.0, 230.0, "PASSES")])  # fmt: skip
+def test_the_coil_of_a_brake(bus, coil, status, tmp_path):
+    """205 V: of the bus, or of the coils' own supply, whichever is higher."""
+    brake = {"torque": 2.0, "voltage": 205.0}
+    found, _ = held(tmp_path, brake=brake, bus_voltage=bus, coil_voltage=coil)
+    row = found["brake coil voltage"]
+    assert (row.required, row.available) == (205.0, max(bus, coil))
+    assert row.status == Status[status]
+
+
+@pytest.mark.parametrize(("stops", "status"), [(None, "NOT_REQUIRED"), (500.0, "PASSES"),
+                                               (5000.0, "FAILS")])  # fmt: skip
+def test_the_wear_of_a_brake(stops, status, tmp_path):
+    """2 rad/s, closing at once, the load 39.24 N m driving: omega 200 rad/s, 0.3924 N m of 2 N m.
+
+    J = 2.0533/100^2 + 2.2e-4 + 1e-5 kg m^2; a stop takes J omega^2/2 x 2/(2 - 0.3924) J.
+    """
+    turn = [(0.5, 4.0), (0.5, -4.0), (1.0, 0.0)]
+    brake = {"torque": 2.0, "rotor_inertia": 1e-5, "stop_energy": 50.0, "wear_energy": 2e4}
+    given = {} if stops is None else {"brake_stops": stops}
+    found, report = held(tmp_path, turn, brake=brake, **given)
+    inertia = (LOAD * ARM**2 + LOAD * 0.2**2 / 6) / 100.0**2 + 2.2e-4 + 1e-5
+    # the load is that of the worst pose, where the lever is level
+    energy = inertia * 200.0**2 / 2 * 2.0 / (2.0 - LOAD * G * ARM / 100.0)
+    # the fastest sample has turned by 0.5 rad, where less of the load drives
+    there = inertia * 200.0**2 / 2 * 2.0 / (2.0 - LOAD * G * ARM * np.cos(0.5) / 100.0)
+    one = found["brake stop energy"]
+    assert there * (1 - 1e-9) <= one.required <= energy
+    assert one.required == pytest.approx(there, rel=1e-6)
+    row = found["brake wear"]
+    assert row.status == Status[status]
+    assert row.available == 2e4
+    if stops is None:
+        assert f"it bears {2e4 / there:.3g} of the hardest stops" in row.note
+    else:
+        assert row.required == pytest.approx(stops * there, rel=1e-6)
+    # a joint that gravity moves is not signed where no brake bears its stops
+    said = [line for line in report.verdict.failing if "brake" in line]
+    assert [line.split(":")[1].strip() for line in said] == ["brake wear"] * (status == "FAILS")
+    assert not (said and report.verdict.fitted)
+
+
+def test_the_currents_of_an_amplifier(tmp_path):
+    """0.5887 N m peak and its RMS over 0.1 N m/A, of an amplifier with 6 A and 3 A."""
+    motor, gear = strong(bearing=OWN, max_speed=500.0, max_input_speed=500.0)
+    amplifier = {"max_voltage": 60.0, "continuous_current": 3.0, "peak_current": 6.0}
+    amplifier |= {"peak_time": 10.0, "current": "dc"}
+    scene = scene_of(pin.JointModelRZ(), 1.0, 4.0, 30.0)
+    path = write_catalog(
+        tmp_path / "c.yaml",
+        {"M": SOURCED | motor},
+        {"G": SOURCED | gear | {"no_load_running_torque": 1e-9}},
+        amplifiers={"A": SOURCED | amplifier},
+    )
+    given = {"amplifiers": {"axis": "A"}, "inertia_ratio": 1e3}
+    report = pf.size(
+        scene, motion(scene, RAMPS), load_catalog(path), conditions=given, on_miss="ignore"
+    )
+    rows = {c.name: c for c in report.joints[0].installed.criteria}
+    speed_up = (30.0 + 4.0 * 2.0) / 0.8 / 100 + 100 * 2.2e-4 * 2.0
+    steady = 30.0 / 0.8 / 100
+    slow_down = (30.0 - 4.0 * 2.0) / 0.8 / 100 - 100 * 2.2e-4 * 2.0
+    # at rest friction may hold it with as much as in motion
+    square = (speed_up**2 * 1.0 + steady**2 * (3.0 + 1.0) + slow_down**2 * 1.0) / 6.0
+    peak, mean = rows["amplifier peak current"], rows["amplifier continuous current"]
+    assert peak.required == pytest.approx(speed_up, rel=1e-6)
+    assert peak.available == pytest.approx(0.1 * 6.0)
+    assert mean.available == pytest.approx(0.1 * 3.0)
+    assert mean.required == pytest.approx(sqrt(square), rel=1e-6)
+
+
+def test_the_brake_of_a_loop_loads_its_gear(tmp_path):
+    """A parallelogram that lies flat: crank and rocker of 1 kg and 0.2 m, a coupler of 2 kg.
+
+    I = 2 x 1 x 0.2^2/3 + 2 x 0.2^2 = 0.10667 kg m^2 about the crank. A brake of at most 3 N m behind a
+    gear of 100, eta_b = 2 - 1/0.8 = 0.75, beside a rotor of 2.3e-4 kg m^2 slows it by
+    (300/0.75)/(I + 100^2 x 2.3e-4/0.75) rad/s^2; the gear transmits I times that; 1.3 in reserve.
+    """
+    scene = parallelogram_scene().with_(
+        gravity=[0.0, 0.0, -9.81], stops={"category": 0, "reaction_time": 0.0}
+    )
+    motor, gear = strong(bearing=OWN, max_speed=500.0, max_input_speed=500.0)
+    brake = {"torque": 2.0, "torque_max": 3.0, "rotor_inertia": 1e-5, "engage_time": 0.01}
+    path = write_catalog(
+        tmp_path / "c.yaml",
+        {"M": SOURCED | motor},
+        {"G": SOURCED | gear},
+        brakes={"B": SOURCED | brake},
+    )
+    t = np.linspace(0.0, 1.0, 201)
+    angle = 0.4 * (1 - np.cos(2 * pi * t)) / 2
+    rate = 0.4 * pi * np.sin(2 * pi * t)
+    speed_up = 0.8 * pi**2 * np.cos(2 * pi * t)
+    ways = np.array([1.0, -1.0, 1.0])  # crank, coupler, rocker
+    q = np.array([swing(x) for x in angle])
+    cycle = pf.Trajectory.from_arrays(scene, t, q, rate[:, None] * ways, speed_up[:, None] * ways)
+    wanted = {"inertia_ratio": 1e3}
+    report = pf.size(scene, cycle, load_catalog(path), conditions=wanted, on_miss="ignore")
+    rows = {c.name: c for c in report.joints[0].installed.criteria}
+    inertia = 2 * 1.0 * 0.2**2 / 3 + 2.0 * 0.2**2
+    back = 2 - 1 / 0.8
+    rotor = 2.2e-4 + 1e-5
+    slowing = (100 * 3.0 / back) / (inertia + 100**2 * rotor / back)
+    row = rows["gear momentary peak torque"]
+    assert row.required == pytest.approx(1.3 * inertia * slowing, rel=1e-6)
+    assert row.available == 200.0
+    assert row.status == Status.PASSES
 
 
 # ---------------------------------------------------------------- examples in print
