@@ -706,8 +706,8 @@ def test_the_currents_of_an_amplifier(tmp_path):
 def test_the_brake_of_a_loop_loads_its_gear(tmp_path):
     """A parallelogram that lies flat: crank and rocker of 1 kg and 0.2 m, a coupler of 2 kg.
 
-    I = 2 x 1 x 0.2^2/3 + 2 x 0.2^2 = 0.10667 kg m^2 about the crank. A brake of at most 3 N m behind a
-    gear of 100, eta_b = 2 - 1/0.8 = 0.75, beside a rotor of 2.3e-4 kg m^2 slows it by
+    I = 2 x 1 x 0.2^2/3 + 2 x 0.2^2 = 0.10667 kg m^2 about the crank. A brake of at most 3 N m
+    behind a gear of 100, eta_b = 2 - 1/0.8 = 0.75, beside a rotor of 2.3e-4 kg m^2 slows it by
     (300/0.75)/(I + 100^2 x 2.3e-4/0.75) rad/s^2; the gear transmits I times that; 1.3 in reserve.
     """
     scene = parallelogram_scene().with_(
