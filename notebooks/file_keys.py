@@ -6,7 +6,8 @@ import inspect
 import re
 from typing import Any
 
-from pinfric.drives.catalog import RatedEntry, Sourced
+from pinfric.drives.catalog import RatedEntry
+from pinfric.drives.sourced import Sourced
 from pinfric.formats import json_schema
 from pinfric.model.yamlfile import yaml_line
 

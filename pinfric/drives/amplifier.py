@@ -52,7 +52,7 @@ def _feeds(candidate: Candidate, motors: Sequence[tuple[MotorCycle, JointCase]])
     """Whether all rows of a drive's amplifier pass."""
     for motor, case in motors:
         drive = read_drive(candidate, motor, case)
-        rows = [limit for limit in LIMITS if limit.name.startswith(_ROWS) and limit.applies(drive)]
+        rows = [limit for limit in LIMITS if limit.name.startswith(_ROWS) and limit.concerns(drive)]
         if any(limit.judge(drive).status != Status.PASSES for limit in rows):
             return False
     return True

@@ -130,7 +130,9 @@ def standstills(
         fitting = {name: b for name, b in brakes.items() if b.goes_with(*of)}
         fitting = ranked(fitting, coil_supply(conditions))
         of_joint = still, loads[:, i]
-        standing.append(_standstill(result, of_joint, i, own, fitting, conditions, there))
+        found = _standstill(result, of_joint, i, own, fitting, conditions, there)
+        special = None if taken is None else taken.ratings.special
+        standing.append(found if special is None else _unbraked(found, *special.unbraked))
     return tuple(standing)
 
 
@@ -236,6 +238,17 @@ def _standstill(
     criteria = (unpowered, held_by, energy, *wear, *_coil(name, brakes, conditions))
     there = name is not None and bool(why) if fitted is None else bool(fitted)
     return Standstill(effort, shaft, use, held, float(result.times[pose]), name, there, criteria)
+
+
+def _unbraked(found: Standstill, holds: bool, why: str) -> Standstill:
+    """Say of a drive of a kind of its own whether and how it holds without a brake."""
+    if not why or found.fitted:
+        return found
+    torque, rows = replace(found.torque, note=why), found.criteria
+    if holds:
+        torque = replace(torque, status=Status.NOT_REQUIRED, margin=None)
+        rows = tuple(row for row in rows if row.name != _STOP)
+    return replace(found, criteria=tuple(torque if row.name == BRAKE else row for row in rows))
 
 
 def _rounded(result: InverseResult, effort: np.ndarray) -> np.ndarray:

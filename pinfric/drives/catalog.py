@@ -6,9 +6,8 @@ Celsius; `grade` R is a figure read at the maker's own document, T one retyped b
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from itertools import pairwise
 from math import asin, cos, pi
 from typing import Annotated, Any, Literal
 
@@ -16,9 +15,11 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from pinfric.drives.bearing import BearingRatings
+from pinfric.drives.kinds.cylinder import Cylinder
 from pinfric.drives.kinds.kind import Kind
 from pinfric.drives.kinds.stepper import Stepper
 from pinfric.drives.policy import REFERENCE_TEMPERATURE, Conditions
+from pinfric.drives.sourced import Sourced, ascending, rising
 from pinfric.drives.thermal import Thermal
 from pinfric.model.brakes import BRAKE_PEAK, HoldingBrake
 from pinfric.model.entry import (
@@ -56,30 +57,6 @@ WARM = 20.0
 COLD = ((-10.0, 3.96), (0.0, 2.26), (20.0, 1.0))
 
 
-class Sourced(Entry):
-    """Source of an entry's figures."""
-
-    source: Text = key("maker's document and page", "a maker's catalogue, p. 197")
-    grade: Literal["R", "T"] = key(
-        "R: read in the maker's document, T: retyped by a third party", "R"
-    )
-    note: str = key("remarks", "peak printed without a duration", default="")
-    price: Positive | None = optional("of one piece", 310.0, "of the catalogue's currency")
-    dimensions: str = key("in words", "60 mm x 88 mm", default="")
-    stand_ins: dict[str, str] = key(
-        "values taken from another product, and which, or from a rule",
-        {"stiffness": "the next smaller size"},
-        default_factory=dict,
-    )
-
-    @model_validator(mode="after")
-    def _stand_ins_are_figures(self) -> Sourced:
-        for name in self.stand_ins:
-            if getattr(self, name, None) is None:
-                raise ValueError(f"stand_ins: {name!r} is not a figure of this entry")
-        return self
-
-
 class RatedEntry(Sourced):
     """Temperatures to which continuous ratings refer."""
 
@@ -100,7 +77,7 @@ class RatedEntry(Sourced):
 
     @model_validator(mode="after")
     def _curve_rises_in_temperature(self) -> RatedEntry:
-        _rising(self, "ambient_curve", "deg C, part")
+        rising(self, "ambient_curve", "deg C, part")
         return self
 
 
@@ -187,10 +164,10 @@ class Motor(RatedEntry):
 
     @model_validator(mode="after")
     def _figures_agree(self) -> Motor:
-        _ascending(self, "continuous_torque", "peak_torque")
-        _ascending(self, "continuous_stall_torque", "peak_torque")
-        _rising(self, "continuous_curve", "rad/s, N m")
-        _ascending(self, "rated_speed", "no_load_speed")
+        ascending(self, "continuous_torque", "peak_torque")
+        ascending(self, "continuous_stall_torque", "peak_torque")
+        rising(self, "continuous_curve", "rad/s, N m")
+        ascending(self, "rated_speed", "no_load_speed")
         line = self.no_load_speed, self.rated_speed, self.stall_torque
         if any(x is not None for x in line) and self.nominal_voltage is None:
             raise ValueError("no_load_speed, rated_speed, stall_torque need `nominal_voltage`")
@@ -268,15 +245,52 @@ class GearMotor(RatedEntry):
         "ratings of its output bearing", {"kind": "crossed roller", "max_moment": 40.0}
     )
 
+    @property
+    def special(self) -> Kind | None:
+        """What it has in place of torques and speeds; None: it has these."""
+        return None
+
+    @property
+    def serves(self) -> str:
+        """Which joints it is for: `rotary`, `linear`, or those of a `medium`."""
+        return self.output
+
     @model_validator(mode="after")
     def _figures_agree(self) -> GearMotor:
-        _ascending(self, "continuous_torque", "peak_torque")
-        _ascending(self, "continuous_torque", "stall_torque")
-        _ascending(self, "rated_speed", "no_load_speed")
-        _ascending(self, "nominal_voltage", "max_voltage")
+        ascending(self, "continuous_torque", "peak_torque")
+        ascending(self, "continuous_torque", "stall_torque")
+        ascending(self, "rated_speed", "no_load_speed")
+        ascending(self, "nominal_voltage", "max_voltage")
         if (self.no_load_speed or self.rated_speed) and self.nominal_voltage is None:
             raise ValueError("no_load_speed and rated_speed need `nominal_voltage`")
         return self
+
+
+class KindDrive(GearMotor):
+    """A drive without a motor's figures, which its kind describes: ratio 1, linear, no rotor."""
+
+    figures: Kind = key("of its kind", {})
+
+    @property
+    def special(self) -> Kind | None:
+        """See `GearMotor`."""
+        return self.figures
+
+    @property
+    def serves(self) -> str:
+        """See `GearMotor`."""
+        return str(getattr(self.figures, "medium", self.output))
+
+    @property
+    def stroke(self) -> float | None:
+        """Of its kind, m."""
+        return getattr(self.figures, "stroke", None)
+
+    @classmethod
+    def of(cls, figures: Kind, own: Mapping[str, Any]) -> KindDrive:
+        """Return a drive of a kind; `own`: fields of a gearmotor, which its kind has validated."""
+        own = {"ratio": 1.0, "output": "linear", "rotor_inertia": 0.0, **own}
+        return cls.model_construct(**own, figures=figures)
 
 
 class Screw(Entry):
@@ -409,10 +423,10 @@ class Gear(Sourced):
 
     @model_validator(mode="after")
     def _figures_agree(self) -> Gear:
-        _ascending(self, "rated_torque", "repeated_peak_torque")
-        _ascending(self, "repeated_peak_torque", "momentary_peak_torque")
-        _ascending(self, "average_input_speed", "max_input_speed")
-        _rising(self, "effort_curve", "rad/s, N or N m")
+        ascending(self, "rated_torque", "repeated_peak_torque")
+        ascending(self, "repeated_peak_torque", "momentary_peak_torque")
+        ascending(self, "average_input_speed", "max_input_speed")
+        rising(self, "effort_curve", "rad/s, N or N m")
         if self.bearing is not None and self.bearing.screw != (self.output == "linear"):
             raise ValueError(
                 f"bearing: {self.bearing.kind} at a {self.output} output; a linear output needs "
@@ -590,7 +604,7 @@ class Belt(Sourced):
 
     @model_validator(mode="after")
     def _goes_around(self) -> Belt:
-        _rising(self, "tooth_load", "rad/s, N/m")
+        rising(self, "tooth_load", "rad/s, N/m")
         least = self._around(sum(self.radii))
         if self.length <= least:
             raise ValueError(
@@ -762,8 +776,8 @@ class Amplifier(Sourced):
 
     @model_validator(mode="after")
     def _figures_agree(self) -> Amplifier:
-        _ascending(self, "continuous_current", "peak_current")
-        _ascending(self, "min_voltage", "max_voltage")
+        ascending(self, "continuous_current", "peak_current")
+        ascending(self, "min_voltage", "max_voltage")
         return self
 
 
@@ -808,6 +822,21 @@ class CatalogFile(Entry):
         {"A 80": {"source": "data sheet", "grade": "R", "ratio": 64}},
         default_factory=dict,
     )
+    cylinders: dict[str, Cylinder] = key(
+        "hydraulic and pneumatic, for drives between two points and `conditions.cylinders`",
+        {
+            "C 80/45": {
+                "source": "data sheet",
+                "grade": "R",
+                "medium": "hydraulic",
+                "bore": 0.08,
+                "rod": 0.045,
+                "strokes": [0.5, 0.8],
+                "rated_pressure": 1.6e7,
+            }
+        },
+        default_factory=dict,
+    )
     bearings: dict[str, BearingEntry] = key(
         "for joints with a separate bearing",
         {"ring": {"source": "data sheet", "grade": "R", "mu": 0.0015}},
@@ -840,6 +869,7 @@ class Catalog:
     motors: Mapping[str, Motor] = field(default_factory=dict)
     gears: Mapping[str, Gear] = field(default_factory=dict)
     gearmotors: Mapping[str, GearMotor] = field(default_factory=dict)
+    cylinders: Mapping[str, Cylinder] = field(default_factory=dict)
     bearings: Mapping[str, BearingEntry] = field(default_factory=dict)
     brakes: Mapping[str, Brake] = field(default_factory=dict)
     amplifiers: Mapping[str, Amplifier] = field(default_factory=dict)
@@ -847,19 +877,13 @@ class Catalog:
     replaced: tuple[str, ...] = ()
     files: tuple[str, ...] = ()
 
+    def whole(self) -> Iterator[tuple[str, GearMotor]]:
+        """Yield the drives that are no motor behind a gear: gearmotors, and those of kinds."""
+        yield from self.gearmotors.items()
+        for called, cylinder in self.cylinders.items():
+            for name, one, own in cylinder.drives(called):
+                yield name, KindDrive.of(one, own)
+
 
 def _said(entry: Sourced, figure: str) -> list[str]:
     return [entry.stand_ins[figure]] if figure in entry.stand_ins else []
-
-
-def _rising(entry: Sourced, curve: str, point: str) -> None:
-    at = [first for first, _ in getattr(entry, curve) or ()]
-    if any(b <= a for a, b in pairwise(at)) or len(at) == 1:
-        first = point.partition(",")[0]
-        raise ValueError(f"{curve}: points [{point}], {first} ascending, two or more")
-
-
-def _ascending(entry: Sourced, smaller: str, larger: str) -> None:
-    low, high = getattr(entry, smaller), getattr(entry, larger)
-    if low is not None and high is not None and low > high:
-        raise ValueError(f"{smaller} {low:g} is more than {larger} {high:g}: swapped, or a unit?")

@@ -10,9 +10,10 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from pinfric.drives.catalog import Catalog, CatalogFile, Sourced
+from pinfric.drives.catalog import Catalog, CatalogFile
 from pinfric.drives.doubts import doubts
 from pinfric.drives.policy import Conditions
+from pinfric.drives.sourced import Sourced
 from pinfric.drives.table import import_table, mapping_of
 from pinfric.errors import CatalogError, PinfricWarning, choose_from
 from pinfric.model.brief import counted
@@ -22,7 +23,9 @@ from pinfric.model.yamlfile import brief, path_of, read_yaml
 #: The bundled catalogue's name, and its folder.
 DEFAULT = "default"
 _FOLDER = Path(__file__).parents[1] / "catalog"
-_SECTIONS = ("motors", "gears", "belts", "gearmotors", "bearings", "brakes", "amplifiers")
+_SECTIONS = (
+    *("motors", "gears", "belts", "gearmotors", "cylinders", "bearings", "brakes", "amplifiers"),
+)
 
 
 def load_catalog(name: str | Path = DEFAULT) -> Catalog:
@@ -48,8 +51,8 @@ def load_catalog(name: str | Path = DEFAULT) -> Catalog:
         extends = any(file.extends for file in own)
         if not extends and not any(getattr(f, section) for f in own for section in _SECTIONS):
             raise CatalogError(
-                f"{name}: no motors, gears, belts, gearmotors, bearings, brakes or amplifiers "
-                "in it; `extends: default` takes the bundled ones"
+                f"{name}: no {', '.join(_SECTIONS[:-1])} or {_SECTIONS[-1]} in it; "
+                "`extends: default` takes the bundled ones"
             )
         bundled = _bundled() if extends else ()
         replaced = tuple(text for file in own for text in _replaced(bundled, file))

@@ -272,7 +272,7 @@ def reads_samples(candidate: Candidate, conditions: Conditions, hand: bool) -> b
     some = replace(d, case=d.case._replace(cycle=probe))
     try:
         for limit in LIMITS:
-            if limit.applies(some) and limit.verdict is None:
+            if limit.concerns(some) and limit.verdict is None:
                 limit.required(some), limit.available(some)
     except _ReadsSamplesError:
         return True
@@ -330,7 +330,7 @@ def judge_cycles(
     least, margins = np.full(len(asked), np.inf), dict[str, np.ndarray]()
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
         for limit in LIMITS:
-            if limit.applies(d):
+            if limit.concerns(d):
                 margin = np.broadcast_to(_margins(limit, d), least.shape)
                 margins[limit.name] = margin
                 counts = np.isfinite(margin) & (limit.verdict is None)

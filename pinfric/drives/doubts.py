@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from pinfric.drives.catalog import Catalog, GearMotor, Motor, Sourced
+from pinfric.drives.catalog import Catalog, GearMotor, Motor
+from pinfric.drives.sourced import Sourced
 from pinfric.drives.thermal import Thermal
 from pinfric.drives.units import unit_of
 from pinfric.model.springs import softest

@@ -31,7 +31,6 @@ from pinfric.drives.catalog import (
     Gear,
     GearMotor,
     Motor,
-    Sourced,
 )
 from pinfric.drives.demand import DriveCycle, largest, mean, power_figures
 from pinfric.drives.kinds.kind import Kind
@@ -45,6 +44,7 @@ from pinfric.drives.policy import (
     STALLED,
     Conditions,
 )
+from pinfric.drives.sourced import Sourced
 from pinfric.drives.thermal import (
     COPPER,
     Thermal,
@@ -434,6 +434,11 @@ class Candidate:
         return self.at_output and not self.linear
 
     @property
+    def on_bus(self) -> bool:
+        """Whether the bus of the motors feeds it."""
+        return self.ratings.special is None or self.ratings.special.ON_BUS
+
+    @property
     def units(self) -> tuple[str, str]:
         """Of torque and speed at the rated shaft; N and m/s of a linear motor."""
         return ("N", "m/s") if self.linear and self.at_output else ("N m", "rad/s")
@@ -556,7 +561,7 @@ def drives_of(
             for name, motor in catalog.motors.items():
                 make = partial(motor_with_gear, name, motor, gear_name, gear, ratio, ambient)
                 yield drive_name(name, gear_name, gear, ratio), make
-    for name, gearmotor in catalog.gearmotors.items():
+    for name, gearmotor in catalog.whole():
         if (gearmotor.output == "linear") == linear:
             yield name, partial(gearmotor_drive, name, gearmotor)
 

@@ -11,8 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pinfric.drives.demand import driven_joint
-from pinfric.drives.robot import carried
+from pinfric.drives.robot import carried, holders
 from pinfric.model.scene import Scene
 
 #: Parts of the mass of all moving links, and of those beyond a joint, that drives may have before
@@ -61,16 +60,17 @@ def held_drives(
         known: drives of which is said what is there (`mass_in_urdf`), left out.
     """
     model = scene.model
-    holders = {
-        i: (int(model.parents[driven_joint(scene, i) or 0]), mass or 0.0)
+    inside = [
+        (link, share * (mass or 0.0))
         for i, mass in masses.items()
-        if scene.masses_hold[i] and carried(scene, i) and scene.actuator_names[i] not in known
-    }
+        if scene.masses_hold[i] and scene.actuator_names[i] not in known
+        for link, _, share in holders(scene, i)
+    ]
     branches = {str(model.names[j]): set(model.subtrees[j]) for j in range(1, model.njoints)}
     held = []
     for name, links in {"": set(range(1, model.njoints)), **branches}.items():
-        inside = sum(mass for link, mass in holders.values() if link in links)
-        held.append(Held(name, inside, float(sum(model.inertias[j].mass for j in links))))
+        drives = sum(mass for link, mass in inside if link in links)
+        held.append(Held(name, drives, float(sum(model.inertias[j].mass for j in links))))
     return held
 
 

@@ -8,7 +8,7 @@ retimed motion.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection, Iterable
 from dataclasses import dataclass, field, replace
 from types import SimpleNamespace
 from typing import Any, NamedTuple
@@ -20,17 +20,19 @@ from pinfric.drives.criterion import Criterion, Status, compare
 from pinfric.drives.demand import DriveCycle, GearDemand, largest
 from pinfric.drives.policy import STAND_IN_WORDS, STAND_INS, Conditions, stated
 from pinfric.drives.rest import RestDemand
+from pinfric.drives.way import Way
 from pinfric.dynamics.inverse.result import InverseResult
 from pinfric.model.springs import softest
 from pinfric.motions.summary import ends_by_magnitude, rests
 
 #: A number, or an array over gears and motors; NaN: not known.
 Value = Any
-#: A `drivetrain.Candidate`, its `Ratings` and the entry of its gear: above this module, since a
-#: catalogue's entries come with rows of their own (`kinds`).
+#: A `drivetrain.Candidate`, its `Ratings`, the entry of its gear, and a class of `Kind`: above this
+#: module, since a catalogue's entries come with rows of their own (`kinds`).
 Drive = Any
 DriveRatings = Any
 GearEntry = Any
+DriveKind = Any
 
 #: Figures of gears and of motors (`Ratings`) that rows read.
 GEAR_FIGURES = (
@@ -57,6 +59,7 @@ class JointCase(NamedTuple):
         stop_effort: that the gear must bear in stops of all joints together, N m or N; NaN: it is
             not known. stop_note: its source, in words.
         braking: braking under power from each sample, without payload and with.
+        way: what a cylinder must cover; None: not known.
     """
 
     demand: GearDemand
@@ -69,6 +72,7 @@ class JointCase(NamedTuple):
     stop_effort: float = np.nan
     stop_note: str = ""
     braking: tuple[DriveCycle, ...] = ()
+    way: Way | None = None
 
 
 def idle(conditions: Conditions, hand: bool = False) -> JointCase:
@@ -127,6 +131,7 @@ class Candidates:
         at_output: motors are rated at the joint. linear: the joint slides.
         case: the joint. asked: of the motor (`MotorFigures`). one: the drive, where it is one.
         share: part of the bus voltage that the motor gets; of arrays the greatest.
+        kind: of all of them (`kinds.kind.Kind`); None: motors.
     """
 
     gear: Figures
@@ -140,6 +145,7 @@ class Candidates:
     asked: Figures = field(default_factory=Figures)
     one: Drive | None = None
     share: float = 1.0
+    kind: DriveKind | None = None
 
     def of_gears(self, rows: np.ndarray) -> Candidates:
         """Return those with some of the gears."""
@@ -149,6 +155,11 @@ class Candidates:
 
         arrays: dict[str, Any] = {x: some(getattr(self, x)) for x in ("ratio", "inertia", "heat")}
         return replace(self, gear=self.gear.each(some), motor=self.motor.each(some), **arrays)
+
+    @property
+    def replaced(self) -> Collection[str]:
+        """Rows in whose place those of their kind stand."""
+        return () if self.kind is None else self.kind.REPLACED
 
     @property
     def conditions(self) -> Conditions:
@@ -306,6 +317,10 @@ class Limit:
     optional: bool = False
     verdict: Callable[[Candidates], Criterion] | None = None
 
+    def concerns(self, d: Candidates) -> Value:
+        """Return to which drives it applies: not where rows of their kind stand in its place."""
+        return self.name not in d.replaced and self.applies(d)
+
     def factor(self, conditions: Conditions) -> float:
         """Return the reserve."""
         return getattr(conditions, self.reserve) if isinstance(self.reserve, str) else self.reserve
@@ -324,12 +339,12 @@ class Limit:
 
     def bound(self, d: Candidates) -> float:
         """Return the largest need within the limit; infinite if there is none."""
-        available = float(self.available(d)) if self.applies(d) else np.nan
+        available = float(self.available(d)) if self.concerns(d) else np.nan
         return np.inf if np.isnan(available) else available / self.factor(d.conditions)
 
     def margin(self, d: Candidates) -> Value:
         """Return 1 - need/have, no less than -1e9; NaN where one is not known."""
-        if (applies := self.applies(d)) is False:
+        if (applies := self.concerns(d)) is False:
             return np.nan
         with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
             have, need = np.asarray(self.available(d)), np.asarray(self.required(d))

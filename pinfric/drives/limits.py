@@ -288,10 +288,6 @@ def _of_amplifier(figure: str) -> Callable[[Candidates], str]:
     )
 
 
-def _turns_smoothly(d: Candidates) -> bool:
-    return d.one is None or d.ratings.special is None
-
-
 _RMS = "sqrt(1/T int T_m^2 dt) <= "
 _NEVER_ABOVE = "never above its continuous current"
 # fmt: off
@@ -314,7 +310,7 @@ MOTOR_LIMITS = [
           lambda d: f"{d.conditions.peak_factor:g} max |T_m| <= peak torque{d.output}",
           _PRACTICE + ": 20 to 30 %", _of_motor("peak torque"), _derived("peak torque"),
           stage="pair", reserve="peak_factor", key="peak_torque"),
-    *(row for rows in kinds.KINDS.values() for row in rows),
+    *(row for kind in kinds.KINDS for row in kind.limits),
     Limit("peak torque of braking", lambda d: d.asked.braking, "motor.peak_torque", "torque",
           lambda d: f"max |T_m| at the deceleration of a stop <= peak torque{d.output}",
           "inverse dynamics with the rotor, without payload and with", _of_motor("peak torque"),
@@ -333,13 +329,13 @@ MOTOR_LIMITS = [
           "equivalent circuit of a DC or field-oriented motor",
           _of_motor("torque constant and resistance, or no-load speed and stall torque"),
           _derived("line"),
-          stage="pair", condition=_shared_voltage, key="stall_torque", applies=_turns_smoothly),
+          stage="pair", condition=_shared_voltage, key="stall_torque"),
     Limit("motor speed", "motor speed", _fastest, "speed",
           "max |omega| <= maximum speed", _MAKER, "maximum speed", _fastest_note, stage="pair",
-          condition=_slowed, key="max_speed", applies=_turns_smoothly),
+          condition=_slowed, key="max_speed"),
     Limit("winding temperature", _winding_rise, _winding_room, "K", _winding_formula,
           "maxon, Key information: thermal behaviour (two nodes), copper +0.39 %/K",
-          _winding_missing, _winding_note, condition=_cooled, applies=_turns_smoothly),
+          _winding_missing, _winding_note, condition=_cooled),
     Limit(AMPLIFIER_CURRENTS, nothing, nothing, "A",
           "currents of the motor <= those of its amplifier", _MAKER,
           "conditions.amplifiers: which amplifier feeds it", applies=lambda d: not _fed(d)),
@@ -741,6 +737,10 @@ def _bare(carried: Callable[[Candidates], bool]) -> Callable[[Candidates], bool]
     return lambda d: carried(d) and d.candidate.bearing is None
 
 
+def _on_joint(d: Candidates) -> bool:
+    return d.case.way is None or not d.case.way.between_pins
+
+
 def _guided(d: Candidates) -> bool:
     return d.linear and d.candidate.guide is not None
 
@@ -752,7 +752,7 @@ BEARING_LIMITS = [
     *_rated("bearing", _turning, _FORCES),
     _unrated("screw loads", "ball screw", _bare(_on_nut)),
     *_rated("screw", _on_nut, _FORCES[2:]),
-    _unrated("guide loads", "linear guide", lambda d: d.linear and not _guided(d)),
+    _unrated("guide loads", "linear guide", lambda d: d.linear and not _guided(d) and _on_joint(d)),
     Limit("guide static safety", lambda d: d.guide.least_safety,
           lambda d: number(d.demand.guide and guide_safety(d.guide, d.demand.guide)), "",
           "f_s = 1/(sqrt(2) F/C_0 + M/M_0 + M_a/M_a0)",
@@ -855,7 +855,7 @@ def check(candidate: Candidate, motor: MotorCycle | None, case: JointCase) -> tu
 def criteria(d: Candidates) -> tuple[Criterion, ...]:
     """Return every criterion of one drive, in the order of the table."""
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-        return tuple(limit.judge(d) for limit in LIMITS if limit.applies(d))
+        return tuple(limit.judge(d) for limit in LIMITS if limit.concerns(d))
 
 
 def instant_limits() -> tuple[Limit, ...]:

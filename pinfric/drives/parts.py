@@ -10,16 +10,30 @@ import numpy as np
 from pinfric.drives.bearing import BearingRatings
 from pinfric.drives.catalog import Amplifier, Catalog
 from pinfric.drives.criterion import Criterion
-from pinfric.drives.demand import drive_cycle, gear_demand
+from pinfric.drives.demand import drive_cycle, driven_joint, gear_demand
 from pinfric.drives.drivetrain import Candidate, drives_of, motor_cycle
 from pinfric.drives.limit import JointCase
 from pinfric.drives.limits import check
 from pinfric.drives.policy import BASE_AXES, OTHERS, Conditions
 from pinfric.drives.robot import depth
+from pinfric.drives.way import pins, way_of
 from pinfric.dynamics.inverse.result import InverseResult
 from pinfric.errors import CatalogError, choose_from
 from pinfric.model.scene import Scene
 from pinfric.motions.summary import effort_unit
+
+
+def output_of(scene: Scene, actuator: int, conditions: Conditions) -> str:
+    """Return what a drive's joint takes: `rotary`, `linear`, the medium of a cylinder; else "".
+
+    A drive between two points is a cylinder; a force and a joint with several axes take nothing.
+    """
+    named = scene.drives[actuator].name in conditions.cylinders
+    if named or pins(scene, actuator):
+        return conditions.medium
+    if driven_joint(scene, actuator) is None:
+        return ""
+    return "linear" if effort_unit(scene, actuator) == "N" else "rotary"
 
 
 def named_drive(
@@ -36,6 +50,7 @@ def named_drive(
         motors={key: x for key, x in catalog.motors.items() if name.startswith(key)},
         gears={key: x for key, x in catalog.gears.items() if key in name},
         gearmotors={key: x for key, x in catalog.gearmotors.items() if key == name},
+        cylinders={key: x for key, x in catalog.cylinders.items() if name.startswith(key)},
     )
     drives = dict(drives_of(some, linear, conditions.ambient))
     if name not in drives:
@@ -65,7 +80,8 @@ def criteria_over(
     demand = gear_demand(result, actuator, cycle, carried=candidate.carried)
     hand = depth(result.scene, actuator) > BASE_AXES
     motor = motor_cycle(candidate, cycle, conditions)
-    return check(candidate, motor, JointCase(demand, cycle, inertia, hand, conditions))
+    way = way_of(result.scene, actuator, result.states.q)
+    return check(candidate, motor, JointCase(demand, cycle, inertia, hand, conditions, way=way))
 
 
 def own_parts(
@@ -111,7 +127,8 @@ def check_names(scene: Scene, conditions: Conditions, catalog: Catalog | None) -
     for name in shared:
         if shared.count(name) > 1:
             raise CatalogError(f"conditions.same_drive: {name!r} occurs {shared.count(name)} times")
-    for key in ("mass_in_urdf", "collision_effort", "bearings", "amplifiers", "take", "same_drive"):
+    keys = "mass_in_urdf", "collision_effort", "bearings", "amplifiers", "take", "cylinders"
+    for key in (*keys, "same_drive"):
         for name in shared if key == "same_drive" else getattr(conditions, key):
             if name not in scene.actuator_names and (key, name) != ("amplifiers", OTHERS):
                 raise CatalogError(
@@ -123,6 +140,12 @@ def check_names(scene: Scene, conditions: Conditions, catalog: Catalog | None) -
             raise CatalogError(
                 f"conditions.same_drive: of {', '.join(group)} some turn and some slide; they have "
                 "no drive in common"
+            )
+    for name in conditions.cylinders:
+        if effort_unit(scene, scene.actuator_names.index(name)) != "N":
+            raise CatalogError(
+                f"conditions.cylinders: {name!r} turns; a cylinder is for a sliding joint, or acts "
+                "between two points (`cylinder` under `actuators`)"
             )
     known = catalog or Catalog("no catalogue")
     for i, joint in enumerate(scene.actuator_names):

@@ -93,8 +93,12 @@ def _as_groups(value: Any) -> Any:
     """Groups of joints; in a text joints end with commas, groups with semicolons."""
     if not isinstance(value, str):
         return value
-    groups = (group.split(",") for group in value.split(";"))
-    return tuple(tuple(name.strip() for name in group) for group in groups)
+    return tuple(_as_names(group) for group in value.split(";"))
+
+
+def _as_names(value: Any) -> Any:
+    """Names of joints; in a text with commas."""
+    return tuple(n.strip() for n in value.split(",")) if isinstance(value, str) else value
 
 
 class Conditions(Entry):
@@ -132,6 +136,46 @@ class Conditions(Entry):
         "1",
         ge=1,
         default=1.5,
+    )
+    cylinders: Annotated[
+        tuple[str, ...],
+        BeforeValidator(_as_names, json_schema_input_type=tuple[str, ...] | str),
+    ] = key(
+        "sliding joints that get a cylinder, as drives between two points always do; on a command "
+        "line a,b",
+        ["lift"],
+        default=(),
+    )
+    medium: Literal["hydraulic", "pneumatic"] = key(
+        "of all cylinders", "pneumatic", default="hydraulic"
+    )
+    hydraulic_pressure: Number = key(
+        "of the supply of hydraulic cylinders", 2.1e7, "Pa", ge=1e5, default=1.6e7
+    )
+    pneumatic_pressure: Number = key(
+        "of the supply of pneumatic cylinders, above that of the air",
+        5e5,
+        "Pa",
+        ge=1e4,
+        default=6e5,
+    )
+    hydraulic_flow: Positive | None = optional(
+        "of the supply, for one cylinder at a time; left out: printed, not judged", 1e-3, "m^3/s"
+    )
+    buckling_length: Number = key(
+        "of a cylinder with its rod out, over the distance of its pins: 1 with pins at both ends, "
+        "2 with a free end, 0.7 with one clamped end, 0.5 with both clamped and guided",
+        0.7,
+        "1",
+        ge=0.5,
+        default=1.0,
+    )
+    buckling_factor: Number = key(
+        "reserve on the force at which a cylinder buckles; 3 to 5 are usual",
+        5.0,
+        "1",
+        ge=1,
+        default=3.5,
     )
     cooling: Literal["closed", "open", "fan"] = key(
         "what air the joints give to their motors: none, free air, or that of a fan",
@@ -421,26 +465,25 @@ def kind_of(entry: Any, gearmotor: bool = False) -> str:
 
 
 def lacks(kind: str, *entries: Any) -> tuple[str, ...]:
-    """Return the figures of `NEEDS` that an entry lacks, as its maker is asked for them.
+    """Return the figures that an entry lacks, as its maker is asked for them.
 
     Args:
-        kind: of `NEEDS`. entries: as of `lacking`.
+        kind: of `NEEDS`; of drives of a kind of their own (`kinds`) those of the kind count.
+        entries: with the figures of the list, of a motor `Ratings`, too; the last has the kind.
     """
-    return lacking(NEEDS[kind], *entries)
-
-
-def lacking(needs: Mapping[str, str], *entries: Any) -> tuple[str, ...]:
-    """Return which of the figures that are needed an entry lacks.
-
-    Args:
-        needs: as of one kind in `NEEDS`.
-        entries: with the figures of the list, of a motor `Ratings`, too.
-    """
+    special = getattr(entries[-1], "special", None)
+    needs = NEEDS[kind] if special is None else special.NEEDS
     return tuple(
         figure
         for figure, keys in needs.items()
-        if all(getattr(entry, key, None) is None for entry in entries for key in keys.split())
+        if all(getattr(x, key, None) is None for x in (*entries, special) for key in keys.split())
     )
+
+
+def product_of(entry: Any) -> str:
+    """Return of which product in `SURROUNDINGS` a motor or gearmotor is."""
+    special = getattr(entry, "special", None)
+    return "motor" if special is None else str(special.PRODUCT)
 
 
 def of_maker(figures: Sequence[str], kind: str) -> tuple[str, ...]:

@@ -73,6 +73,7 @@ def read_drive(candidate: Candidate, motor: MotorCycle | None, case: JointCase) 
         asked,
         candidate,
         candidate.voltage_share(conditions),
+        None if ratings.special is None else type(ratings.special),
     )
 
 

@@ -1,9 +1,10 @@
 """The robot with its drives' masses: what a kilogram at each joint adds to all others.
 
-A drive is a point mass at its joint's origin, on the parent link. In an open chain efforts without
-friction, wrenches and mass matrices are linear in the masses, so one motion of a robot of nothing
-but 1 kg there gives the exact change. Friction that depends on the load is not linear: it is kept
-as at the last exact solution, and a choice is settled only by one at its own masses.
+A drive is a point mass at its joint's origin, on the parent link; half a cylinder at each of its
+pins. In an open chain efforts without friction, wrenches and mass matrices are linear in the
+masses, so one motion of a robot of nothing but 1 kg there gives the exact change. Friction that
+depends on the load is not linear: it is kept as at the last exact solution, and a choice is settled
+only by one at its own masses.
 """
 
 from __future__ import annotations
@@ -31,12 +32,14 @@ from pinfric.drives.inertia import joint_inertias
 from pinfric.drives.limit import JointCase
 from pinfric.drives.policy import BASE_AXES, Conditions
 from pinfric.drives.rated import RatedCycle
+from pinfric.drives.way import Way, pins, way_of
 from pinfric.dynamics.inverse.inverse import inverse_dynamics
 from pinfric.dynamics.inverse.result import InverseResult
 from pinfric.dynamics.samples.outcome import Status
 from pinfric.dynamics.samples.reactions import state_wrenches
 from pinfric.dynamics.samples.states import MotionLike, States
 from pinfric.errors import SizingError
+from pinfric.model.loops import carriers
 from pinfric.model.mass_matrix import mass_matrices
 from pinfric.model.scene import Scene
 from pinfric.model.schema import Actuator, Product
@@ -115,6 +118,7 @@ class DrivenRobot:
         self.holding = holds(scene, motion, states.v)
         self.exact = bool(scene.loops) or len(states.q) > _MOST_SAMPLES
         self._points: dict[int, _Point] = {}
+        self._ways: dict[int, Way | None] = {}
 
     @property
     def result(self) -> InverseResult:
@@ -180,7 +184,13 @@ class DrivenRobot:
         if rated is not None and alone != "cycle" and inertia_max is not None:
             swung = 0.0 if alone else float(own[rated.own].max(initial=0.0))
         still = rest_of(self.scene, i, resting, demand.peak, demand.speed, self.conditions)
-        return JointCase(demand, cycle, inertia_max, hand, self.conditions, still, swung)
+        known = demand, cycle, inertia_max, hand, self.conditions, still, swung
+        return JointCase(*known, way=self._way(i))
+
+    def _way(self, i: int) -> Way | None:
+        if i not in self._ways:
+            self._ways[i] = way_of(self.scene, i, self.base.result.states.q)
+        return self._ways[i]
 
     def _point(self, k: int) -> _Point:
         if k not in self._points:
@@ -231,16 +241,13 @@ def with_masses(scene: Scene, masses: Masses) -> Scene:
             not a possible body.
     """
     model, changed = scene.model.copy(), False
-    for i, mass in masses.items():
-        joint = driven_joint(scene, i)
-        if joint is None or model.parents[joint] == 0 or not mass:
-            continue
-        place = pin.SE3(np.eye(3), model.jointPlacements[joint].translation)
-        parent = model.parents[joint]
+    there = ((i, mass, *at) for i, mass in masses.items() if mass for at in holders(scene, i))
+    for i, whole, link, place, share in there:
+        mass = share * whole
         point = pin.Inertia(mass, np.zeros(3), np.zeros((3, 3)))
-        before = implausible_body(model.inertias[parent].mass, model.inertias[parent].inertia)
-        model.appendBodyToJoint(parent, point, place)
-        body = model.inertias[parent]
+        before = implausible_body(model.inertias[link].mass, model.inertias[link].inertia)
+        model.appendBodyToJoint(link, point, pin.SE3(np.eye(3), place))
+        body = model.inertias[link]
         problem = implausible_body(body.mass, body.inertia)
         if problem and (body.mass < 0 or not before):  # else the URDF's own, warned of on loading
             raise SizingError(
@@ -288,17 +295,25 @@ def _fitted(drive: Candidate) -> dict[str, Any]:
     return {"transmission": gear, "installed": product}
 
 
+def holders(scene: Scene, drive: int) -> list[tuple[int, np.ndarray, float]]:
+    """Return where moving links carry a drive: joint, place (3,) in its frame, share of the mass.
+
+    A drive on a joint is at its origin, on the parent link; half a cylinder at each of its pins.
+    """
+    model, joint = scene.model, driven_joint(scene, drive)
+    if joint is not None:
+        found = [(int(model.parents[joint]), model.jointPlacements[joint].translation, 1.0)]
+    else:
+        found = [(row + 1, place, 0.5) for row, place in pins(scene, drive)]
+    return [one for one in found if one[0]]
+
+
 def loads(scene: Scene, drive: int, actuator: int) -> bool:
-    """Whether a drive's mass acts on a joint: its link hangs on it, or a loop may move it."""
-    held, joint = driven_joint(scene, drive), driven_joint(scene, actuator)
-    if held is None or not carried(scene, drive):
-        return False
-    if scene.loops or joint is None:
-        return True
-    link = int(scene.model.parents[held])
-    while link > joint:  # a parent's index is less than its child's
-        link = int(scene.model.parents[link])
-    return link == joint
+    """Whether a drive's mass acts on a joint: a link hangs on it, or a loop may move it."""
+    held, joint = holders(scene, drive), driven_joint(scene, actuator)
+    if not held or scene.loops or joint is None:
+        return bool(held)
+    return any(joint - 1 in carriers(scene.model, link - 1) for link, _, _ in held)
 
 
 def added_masses(
@@ -319,17 +334,15 @@ def added_masses(
 
 
 def carried(scene: Scene, drive: int) -> bool:
-    """Whether a link of the robot carries a drive that moves one joint: not the ground."""
-    joint = driven_joint(scene, drive)
-    return joint is not None and scene.model.parents[joint] != 0
+    """Whether a moving link of the robot carries a drive: not the ground alone."""
+    return bool(holders(scene, drive))
 
 
 def depth(scene: Scene, actuator: int) -> int:
-    """Return how many joints lie between the ground and the joint's child, its own included."""
-    joint, count = driven_joint(scene, actuator), 0
-    while joint:
-        joint, count = int(scene.model.parents[joint]), count + 1
-    return count
+    """Return how many joints lie between the ground and what it moves, its own included."""
+    joint = driven_joint(scene, actuator) or 0
+    rows = [row for row, _ in pins(scene, actuator)] or [joint - 1]
+    return max(len(carriers(scene.model, row)) for row in rows)
 
 
 def tip_to_base(scene: Scene) -> list[int]:

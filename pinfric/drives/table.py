@@ -21,9 +21,10 @@ from pinfric.drives.catalog import (
     Gear,
     GearMotor,
     Motor,
-    Sourced,
     Text,
 )
+from pinfric.drives.kinds.cylinder import Cylinder
+from pinfric.drives.sourced import Sourced
 from pinfric.drives.units import cells_of, in_si, unit_of
 from pinfric.errors import CatalogError, PinfricError, choose_from
 from pinfric.model.csv_text import read_table
@@ -36,6 +37,7 @@ _SECTIONS: dict[str, type[Sourced]] = {
     "gears": Gear,
     "belts": Belt,
     "gearmotors": GearMotor,
+    "cylinders": Cylinder,
     "bearings": BearingEntry,
     "brakes": Brake,
 }
@@ -66,9 +68,9 @@ class Cells(Entry):
 class TableMapping(Entry):
     """A mapping file: the column of a table for each key of an entry."""
 
-    section: Literal["motors", "gears", "belts", "gearmotors", "bearings", "brakes"] = key(
-        "kind of the rows", "motors"
-    )
+    section: Literal[
+        "motors", "gears", "belts", "gearmotors", "cylinders", "bearings", "brakes"
+    ] = key("kind of the rows", "motors")
     columns: dict[str, Annotated[str | Cells, Forms(Text, Cells)]] = key(
         "key of the entry (`thermal.NAME`, `bearing.NAME` for keys of a part, "
         "`stand_ins.NAME` for the product that a value is taken from): its column, or column "

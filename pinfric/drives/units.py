@@ -37,7 +37,7 @@ _PRINTED: dict[str, tuple[str, ...]] = {
     "m": ("mm",),
     "1": ("%",),
     "rad/m": ("mm/rev", "m/rev"),
-    "Pa": ("MPa", "N/mm^2", "GPa"),
+    "Pa": ("MPa", "bar", "N/mm^2"),
     "m^2": ("mm^2", "cm^2"),
 }
 #: Quantities: kg, m, s, A, K, rad, deg C.
@@ -79,6 +79,7 @@ _BASES: tuple[tuple[str, float, _Dimensions, str], ...] = (
     ("K", 1.0, (0, 0, 0, 0, 1, 0, 0), ""),
     ("C degC", 1.0, (0, 0, 0, 0, 0, 0, 1), ""),
     ("Pa", 1.0, (1, -1, -2, 0, 0, 0, 0), "kMG"),
+    ("bar", 1e5, (1, -1, -2, 0, 0, 0, 0), "m"),
     ("%", 1e-2, _NONE, ""),
 )
 _PREFIXES = {"": 1.0, "k": 1e3, "K": 1e3, "M": 1e6, "G": 1e9, "m": 1e-3, "c": 1e-2, "u": 1e-6}

@@ -323,7 +323,7 @@ def _check_settled(where: str, limits: DriveLimits) -> None:
     for names_ in _MUST:
         rows = [limit for limit in instant_limits() if limit.name in names_]
         known = any(math.isfinite(limits.bound(limit)) for limit in rows)
-        if known or not any(limit.applies(judged) for limit in rows):
+        if known or not any(limit.concerns(judged) for limit in rows):
             continue
         names = " or ".join(limit.name for limit in rows if limit.key != "velocity")
         keys = " or ".join(limit.key for limit in rows if limit.key)

@@ -12,6 +12,7 @@ from pinfric.drives.catalog import Catalog
 from pinfric.drives.duty import Schedule
 from pinfric.drives.friction import drive_friction
 from pinfric.drives.policy import KIT
+from pinfric.drives.way import pins
 from pinfric.dynamics.inverse.inverse import inverse_dynamics
 from pinfric.dynamics.inverse.result import InverseResult
 from pinfric.dynamics.samples.states import States
@@ -136,11 +137,14 @@ def caveats(
         )
     if catalog is None:
         return tuple(opening)
+    pinned = [drive.name for i, drive in enumerate(scene.drives) if pins(scene, i)]
     notes = [
         *opening,
         _of_masses(scene),
         "Each motor and gear is a point mass on its joint's parent link, at the joint's origin; "
-        "the drive of the first joint stands on the ground.",
+        "the drive of the first joint stands on the ground"
+        + f"; half of {', '.join(pinned)} is at each of its ends." * bool(pinned)
+        + "." * (not pinned),
         f"Housing, shaft and bearings of a frameless kit are {KIT:.0%} of its mass and its gear's; "
         "couplings, cables and encoders have none. A gear takes the motors that its maker names, a "
         "frameless kit goes into a strain wave gear; else a motor with a shaft is taken to fit.",

@@ -57,9 +57,9 @@ from pinfric.drives.policy import (
     STAND_INS,
     Conditions,
     kind_of,
-    lacking,
     lacks,
     outside,
+    product_of,
 )
 from pinfric.drives.reading import read_drive
 from pinfric.drives.thermal import COPPER
@@ -114,7 +114,7 @@ class Assessment:
                 judged = limit.verdict(self.drives)
                 low = -1.0 if judged.fails else np.nan
                 rows.append((limit, low))
-            elif limit.applies(self.drives):
+            elif limit.concerns(self.drives):
                 rows.append((limit, float(limit.margin(self.drives))))
         return rows
 
@@ -314,23 +314,24 @@ class Parts:
 
 
 class CatalogArrays:
-    """The drives of a catalogue for turning, or for sliding joints.
+    """The drives of a catalogue for turning, for sliding joints, or cylinders.
 
     Args:
-        conditions: ambient temperature, for ratings. brakes: the smallest first.
+        conditions: ambient temperature, for ratings. output: of `parts.output_of`.
+        brakes: the smallest first.
     """
 
     def __init__(
-        self, catalog: Catalog, conditions: Conditions, linear: bool, brakes: Mapping[str, Brake]
+        self, catalog: Catalog, conditions: Conditions, output: str, brakes: Mapping[str, Brake]
     ) -> None:
-        self.linear, self.conditions, self.brakes = linear, conditions, brakes
+        self.output, self.conditions, self.brakes = output, conditions, brakes
         gears = [
             (name, gear, ratio)
             for name, gear in catalog.gears.items()
-            if (gear.output == "linear") == linear
+            if gear.output == output
             for ratio in gear.ratios
         ]
-        alone = [(n, g) for n, g in catalog.gearmotors.items() if (g.output == "linear") == linear]
+        alone = [(n, g) for n, g in catalog.whole() if g.serves == output]
         self.groups = []
         if gears and catalog.motors:
             self.groups.append(_of_gears(gears, catalog.motors, conditions))
@@ -345,10 +346,15 @@ class CatalogArrays:
             ]
             first = dict(zip(brake_group, names, strict=True))
             number_of = {words: k for k, words in enumerate(first)}
-            in_gearmotor = group.at_output and not linear
+            in_gearmotor = group.at_output and not self.linear
             group.brakes = [self.brakes_for(name, in_gearmotor) for name in first.values()]
             if len(first) > 1 or group.at_output:
                 group.brake_group = np.array([number_of[words] for words in brake_group])
+
+    @property
+    def linear(self) -> bool:
+        """Whether they are for what slides."""
+        return self.output != "rotary"
 
     def brakes_for(self, motor: str, integrated: bool = False) -> dict[str, Brake]:
         """Return the brakes that go with a motor, the smallest first."""
@@ -440,8 +446,8 @@ def _of_gears(
         ],
         motor_lacks=[
             (
-                *(lacking(m.special.NEEDS, r, m) if m.special else lacks("motor", r, m)),
-                *outside("motor", conditions, r.rated_up_to),
+                *lacks("motor", r, m),
+                *outside(product_of(m), conditions, r.rated_up_to),
             )
             for m, r in zip(listed, ratings, strict=True)
         ],
@@ -485,6 +491,7 @@ def _of_gearmotors(alone: list[tuple[str, GearMotor]], conditions: Conditions) -
             at_output=True,
             linear=entries[0].output == "linear",
             case=idle(conditions),
+            kind=None if (own_kind := entries[0].special) is None else type(own_kind),
         ),
         mass=own.mass,
         fits=np.ones((len(alone), 1), dtype=bool),
@@ -492,7 +499,7 @@ def _of_gearmotors(alone: list[tuple[str, GearMotor]], conditions: Conditions) -
         gear_lacks=[
             (
                 *lacks(kind_of(entry, gearmotor=True), entry),
-                *outside("motor", conditions, r.rated_up_to),
+                *outside(product_of(entry), conditions, r.rated_up_to),
             )
             for entry, r in zip(entries, ratings, strict=True)
         ],

@@ -13,11 +13,11 @@ from typing import Any
 
 import numpy as np
 
-from pinfric.drives.demand import driven_joint
 from pinfric.drives.limit import JointCase
-from pinfric.drives.parts import own_parts
+from pinfric.drives.parts import output_of, own_parts
+from pinfric.drives.rest import RestDemand
 from pinfric.drives.robot import DrivenRobot, loads
-from pinfric.motions.summary import effort_unit, rms
+from pinfric.motions.summary import rms
 from pinfric.sizing.drive_search import Assessment, DriveSearch, Known, Parts
 from pinfric.sizing.provisional import provisional
 from pinfric.sizing.task import Task
@@ -101,15 +101,16 @@ class Memory:
             i: the drive's column. stops: fields of `JointCase`. banned, most: as of `Parts`.
         """
         catalog = task.catalog
-        if catalog is None or driven_joint(task.scene, i) is None or task.is_unloaded(i):
+        output = output_of(task.scene, i, task.conditions)
+        if catalog is None or not output or task.is_unloaded(i):
             return None
         effort = None if np.isnan(stops["stop_effort"]) else stops["stop_effort"]
         braking = tuple(map(id, stops["braking"]))
         key = i, id(load), effort, stops["stop_note"], braking, banned, most
         if key not in self._asked:
-            linear = effort_unit(task.scene, i) == "N"
-            name, arrays = task.scene.drives[i].name, task.arrays[linear]
-            parts = Parts(own_parts(catalog, task.conditions, name, linear), banned, most)
+            name, arrays = task.scene.drives[i].name, task.arrays[output]
+            own = own_parts(catalog, task.conditions, name, arrays.linear)
+            parts = Parts(own, banned, most)
             if (taken := task.conditions.take.get(name)) is not None:
                 arrays = arrays.only(taken)
             first, *others = (
@@ -140,7 +141,7 @@ def cases(
         peak = max(demand.peak for demand in rests)
         of_joint = {
             key: case._replace(
-                rest=case.rest and case.rest._replace(load=most + 0.0 * case.rest.load, peak=peak)
+                rest=case.rest and case.rest._replace(load=_as_loads(case.rest, most), peak=peak)
             )
             for key, case in of_joint.items()
         }
@@ -166,6 +167,11 @@ def _cases(
         ).items()
         if part.startswith(alone)
     }
+
+
+def _as_loads(rest: RestDemand, most: np.ndarray | float) -> np.ndarray:
+    """The largest load of all mountings, (T,), in the direction that it has in one."""
+    return np.copysign(most, rest.load)
 
 
 def thinned(case: JointCase) -> JointCase:

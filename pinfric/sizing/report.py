@@ -443,10 +443,11 @@ class SizingReport(Shown):
     @cached_property
     def bus(self) -> BusPower:
         """Power of all chosen drives from their bus, and power fed back."""
-        drives = {joint.name: joint.motor for joint in self.joints}
+        on_bus = [j for j in self.joints if j.installed is None or j.installed.candidate.on_bus]
+        drives = {joint.name: joint.motor for joint in on_bus}
         voltages = {
             joint.name: bus_voltage(joint.installed.candidate, joint.motor, self.conditions)
-            for joint in self.joints
+            for joint in on_bus
             if joint.installed is not None and joint.motor is not None
         }
         return bus_power(drives, self.result.times, self.duty, self.conditions, voltages)

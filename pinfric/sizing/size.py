@@ -12,11 +12,11 @@ import numpy as np
 
 from pinfric.drives.catalog import Catalog
 from pinfric.drives.catalog_file import load_catalog
-from pinfric.drives.demand import driven_joint, hardest, joint_demand
+from pinfric.drives.demand import hardest, joint_demand
 from pinfric.drives.drivetrain import motor_cycle
 from pinfric.drives.duty import Duty
 from pinfric.drives.limit import JointCase
-from pinfric.drives.parts import check_names
+from pinfric.drives.parts import check_names, output_of
 from pinfric.drives.payloads import guessed_bodies
 from pinfric.drives.policy import Conditions, parse_conditions
 from pinfric.drives.robot import carried, equip
@@ -27,7 +27,7 @@ from pinfric.model.brief import file_name
 from pinfric.model.scene import Scene, expect_scene
 from pinfric.model.schema import OTHERS
 from pinfric.motions.rating import Rating, parse_rating, rate
-from pinfric.motions.summary import beyond_limits, effort_unit, moves_beyond, rms
+from pinfric.motions.summary import beyond_limits, moves_beyond, rms
 from pinfric.motions.trajectory import Trajectory
 from pinfric.sizing.caveats import caveats, discontinuities, unclosed
 from pinfric.sizing.choice import (
@@ -311,11 +311,13 @@ def _no_candidates(task: Task, i: int) -> str:
     catalog = task.catalog
     if catalog is None or task.is_unloaded(i):
         return ""
-    if driven_joint(task.scene, i) is None:
-        return "motors and gears are for joints with one axis, not for cylinders and forces"
+    output = output_of(task.scene, i, task.conditions)
+    if not output:
+        return "motors and gears are for joints with one axis, not for forces"
+    if output == task.conditions.medium:
+        return f"{catalog.source} has no {output} cylinders"
     if not catalog.motors and not catalog.gearmotors:
         return f"{catalog.source} has no motors"
-    output = "linear" if effort_unit(task.scene, i) == "N" else "rotary"
     if any(gear.output == output for gear in catalog.gears.values()):
         return (
             f"no motor of {catalog.source} goes with its gears: a frameless kit needs a "

@@ -12,6 +12,7 @@ from pinfric.drives.catalog import Brake, Catalog
 from pinfric.drives.duty import Duty, Schedule, once
 from pinfric.drives.friction import without_drives
 from pinfric.drives.mounting import mountings, turned_as
+from pinfric.drives.parts import output_of
 from pinfric.drives.payloads import points, with_bodies
 from pinfric.drives.policy import Conditions
 from pinfric.drives.rated import RatedCycle
@@ -21,7 +22,6 @@ from pinfric.errors import SizingError
 from pinfric.model.massless import massless
 from pinfric.model.scene import Scene
 from pinfric.motions.rating import Rated
-from pinfric.motions.summary import effort_unit
 from pinfric.motions.trajectory import Trajectory
 from pinfric.sizing.drive_search import Assessment, CatalogArrays
 
@@ -41,7 +41,7 @@ class Task:
         guessed: names of the payloads whose inertia is not given.
         files: that were read. progress: called with a line at each step.
         unloaded: (nv,) joints that move no mass.
-        arrays: of the catalogue, by whether they are for sliding joints.
+        arrays: of the catalogue, by what joints take (`parts.output_of`).
     """
 
     given: Scene
@@ -56,7 +56,7 @@ class Task:
     files: tuple[str, ...]
     unloaded: np.ndarray
     progress: Callable[[str], object]
-    arrays: Mapping[bool, CatalogArrays]
+    arrays: Mapping[str, CatalogArrays]
     points: Mapping[str, DrivenRobot]
     guessed: tuple[str, ...]
 
@@ -116,7 +116,7 @@ def task_of(
     catalog: Catalog | None,
     conditions: Conditions,
     progress: Callable[[str], object],
-    arrays: Mapping[bool, CatalogArrays],
+    arrays: Mapping[str, CatalogArrays],
     rated: Rated | None = None,
 ) -> Task:
     """Return what is sized; arguments as of `size` and `Task`.
@@ -212,11 +212,11 @@ def task_of(
 
 def catalog_arrays(
     catalog: Catalog, conditions: Conditions, scene: Scene
-) -> dict[bool, CatalogArrays]:
-    """Return a catalogue's drives for the joints of a scene, by whether these slide."""
+) -> dict[str, CatalogArrays]:
+    """Return a catalogue's drives for the joints of a scene, by what these take."""
     brakes = brakes_of(catalog, scene, conditions)
-    sliding = {effort_unit(scene, i) == "N" for i in range(len(scene.drives))}
-    return {linear: CatalogArrays(catalog, conditions, linear, brakes) for linear in sliding}
+    outputs = {output_of(scene, i, conditions) for i in range(len(scene.drives))} - {""}
+    return {output: CatalogArrays(catalog, conditions, output, brakes) for output in outputs}
 
 
 def brakes_of(catalog: Catalog, scene: Scene, conditions: Conditions) -> dict[str, Brake]:

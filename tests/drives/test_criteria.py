@@ -38,6 +38,7 @@ from pinfric.drives.policy import Conditions, parse_conditions
 from pinfric.drives.rules import gear_life
 from pinfric.errors import CatalogError, SizingError
 from pinfric.model.drives import motor_torque_bounds
+from pinfric.model.schema import Actuator
 from pinfric.retiming.limits import read_limits
 from pinfric.sizing.drive_search import DriveSearch
 
@@ -737,6 +738,7 @@ back_driving: required
 collision_effort: {table: 50.0}
 collisions: {count: 100, duration: 0.15}
 thermal_time: 300.0
+hydraulic_flow: 0.002
 amplifiers: {table: A}
 """)
 #: What a condition moves in passing: a warmer winding needs more voltage.
@@ -795,6 +797,15 @@ def variants(tmp_path):
     for parts in (SCREW_PARTS, {**NUT_PARTS, "kind": "lead screw"}):
         gear = {**SLIDE, "bearing": None, "back_driving_torque": None, **parts}
         yield lift, trapezoid(lift), one_drive(tmp_path, {}, gear, brakes=brake, **more)
+    arm = chain(("pin", pin.JointModelRY(), lump(5.0, [0.5, 0.0, 0.0])))
+    arm.addBodyFrame("ground", 0, pin.SE3.Identity(), 0)
+    arm.addBodyFrame("arm", 1, pin.SE3.Identity(), 0)
+    pushed = {"name": "table", "a": {"link": "ground", "xyz": [0.0, 0.0, -0.8]}}
+    pushed["b"] = {"link": "arm", "xyz": [0.4, 0.0, 0.0]}
+    on_oil = pf.Scene(arm, actuators=[Actuator(cylinder=pushed)], stick_velocity=0.0)
+    oil = {"source": "invented", "grade": "R", "medium": "hydraulic", "bore": 0.04, "rod": 0.02}
+    oil |= {"strokes": [0.2], "rated_pressure": 1.6e7, "max_speed": 1.0}
+    yield on_oil, trapezoid(on_oil), one_drive(tmp_path, cylinders={"C": oil}, **more)
 
 
 def changed(conditions, key):

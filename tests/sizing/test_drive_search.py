@@ -198,7 +198,7 @@ def test_what_is_asked_for_would_be_lighter_with_some_figures(arm):
             made = {ask.name: entry.model_copy(update=best | dict.fromkeys(rotors, inertia))}
             parts = {"gears": whole if kind == "motors" else {}, "gearmotors": {}, kind: made}
             own = replace(catalog, **parts)
-            own = CatalogArrays(own, report.conditions, arrays.linear, arrays.brakes)
+            own = CatalogArrays(own, report.conditions, arrays.output, arrays.brakes)
             found = found or DriveSearch(own, joint.search.case, joint.search.parts).lightest()
         lighter[ask.name] = found is not None and found.candidate.mass < joint.choice.candidate.mass
     assert len(lighter) > 20

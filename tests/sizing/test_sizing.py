@@ -473,17 +473,16 @@ def test_cylinders_are_sized_by_their_own_rate():
     assert_allclose([joint.load_inertia for joint in report.joints], heaviest, rtol=1e-3)
 
 
-@pytest.mark.filterwarnings("ignore:.*no candidates. motors and gears are for joints with one axis")
 def test_a_catalogue_without_motors_or_gears_says_that_nothing_can_be_chosen(tmp_path):
     scene, motion = example("excavator", "excavator.waypoints.yaml")
-    report = pf.size(scene, motion, "default")
+    (tmp_path / "c.yaml").write_text(f"pinfric_catalog: 1\nmotors: {{M: {MOTOR}}}\n")
+    report = pf.size(scene, motion, tmp_path / "c.yaml", on_miss="ignore")
     assert len(report.verdict.failing) == 3
-    assert report.verdict.failing[0].startswith(
-        "boom_cylinder: no candidates: motors and gears are"
-    )
+    none = f"{tmp_path / 'c.yaml'} has no hydraulic cylinders"
+    assert report.verdict.failing[0].startswith(f"boom_cylinder: no candidates: {none}")
     (row,) = (row for row in unchecked(report) if row.criterion == "all of its drive")
     assert row.joints == scene.actuator_names
-    assert row.missing.startswith("motors and gears are")
+    assert row.missing == none
 
 
 def test_panda_carries_the_mass_of_its_drives(panda):

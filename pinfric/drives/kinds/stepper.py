@@ -31,6 +31,9 @@ class Stepper(Kind):
         "mass": "mass mass_taken",
         "rotor inertia": "rotor_inertia",
     }
+    REPLACED: ClassVar[frozenset[str]] = frozenset(
+        ("speed-torque line", "motor speed", "winding temperature")
+    )
     UNFED: ClassVar[str] = "a stepper motor takes a driver of its own current"
     NOT_RETIMED: ClassVar[str] = (
         "a stepper motor, whose pull-out curve `retime` does not follow; give the peak_torque and "
@@ -180,7 +183,7 @@ def _of(d: Candidates) -> Stepper:
 
 
 def _steps(d: Candidates) -> bool:
-    return d.one is not None and isinstance(d.ratings.special, Stepper)
+    return d.kind is Stepper
 
 
 def _source(d: Candidates) -> str:

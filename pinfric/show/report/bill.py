@@ -7,8 +7,9 @@ import io
 from collections.abc import Iterator
 
 from pinfric.drives.brake import Standstill
-from pinfric.drives.catalog import Catalog, Motor, Sourced
+from pinfric.drives.catalog import Catalog, Motor
 from pinfric.drives.policy import KIT
+from pinfric.drives.sourced import Sourced
 from pinfric.sizing.report import JointSizing, SizingReport
 from pinfric.sizing.verdict import JointState
 

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable, Mapping
 
 from pinfric.drives.criterion import Status
 from pinfric.drives.drivetrain import RETYPED
+from pinfric.drives.kinds import KINDS
 from pinfric.drives.power import BusPower
 from pinfric.model.brief import counted
 from pinfric.show.report.names import short_names
@@ -42,7 +43,10 @@ def choice_table(
     Args:
         cells: fields to show beside the usual ones or in another way, and how.
     """
-    title = f"drives from {summary.catalog}, {digits(summary.conditions['bus_voltage'])} V"
+    bus = summary.bus
+    fed = bus is None or bus.known or bus.left_out
+    voltage = f", {digits(summary.conditions['bus_voltage'])} V" if fed else ""
+    title = f"drives from {summary.catalog}{voltage}"
     own = {"choice": _chosen, **(cells or {})}
     return table_of(title, summary.joints, only={*(_SHORT if short else _CHOICE), *own}, cells=own)
 
@@ -109,6 +113,24 @@ def currents_table(summary: SizingSummary) -> Table | None:
 def _amplifier(joint: SizedJoint) -> str:
     taken = joint.installed
     return NONE if taken is None else taken.amplifier or taken.no_amplifier
+
+
+#: Rows of kinds of drives that are printed beside the choice.
+_SHOWN = {name: kind.figures.NAME for kind in KINDS for name in kind.figures.SHOWN}
+
+
+def kind_lines(summary: SizingSummary) -> list[str]:
+    """Return what drives of a kind of their own need and have, by joint."""
+    lines, short = list[str](), short_names([joint.name for joint in summary.joints])
+    for joint in summary.joints:
+        said = []
+        for c in () if joint.installed is None else joint.installed.criteria:
+            if c.name in _SHOWN and c.required is not None:
+                have = "" if c.available is None else f" of {digits(c.available)}"
+                name = c.name.removeprefix(f"{_SHOWN[c.name]} ")
+                said.append(f"{name} {digits(c.required)}{have} {c.unit}")
+        lines += [f"{short[joint.name]}: {', '.join(said)}"] * bool(said)
+    return lines
 
 
 def amplifier_lines(summary: SizingSummary) -> list[str]:
@@ -258,11 +280,13 @@ def bus_table(report: SizingReport) -> Table | None:
 def bus_lines(report: SizingReport) -> list[str]:
     """Return how braking energy is absorbed, and which drives are left out."""
     bus = report.bus
+    if not (bus.known or bus.left_out):
+        return []
     lines = [f"braking: {bus.remedy}"]
     special = {
         joint.name: own
         for joint in report.joints
-        if joint.installed and (own := joint.installed.candidate.ratings.special)
+        if joint.installed and (own := joint.installed.candidate.ratings.special) and own.ON_BUS
     }
     if missing := [name for name in bus.mechanical if name not in special]:
         lines.append(

@@ -21,6 +21,7 @@ from pinfric.show.report.drives import (
     bus_table,
     choice_table,
     currents_table,
+    kind_lines,
     lighter_table,
     mass_table,
     mounting_table,
@@ -81,6 +82,7 @@ def sizing_report(report: SizingReport, verbose: bool = True, written: bool = Fa
         provisional_table(summary),
         lighter_table(summary),
         sensitivity_table(summary),
+        kind_lines(summary),
         mass_table(summary),
         smaller_table(summary),
         product_lines(summary),
@@ -107,6 +109,7 @@ def _short(
     return paragraphs(
         list(opening),
         choice_table(summary, short=True),
+        kind_lines(summary),
         mounting_table(summary),
         provisional_table(summary),
         lighter_table(summary),
