@@ -216,6 +216,15 @@ def test_a_cylinder_that_cannot_be_signed_says_by_which_figure(
     assert said in line
 
 
+def test_a_cylinder_whose_speed_is_not_printed_is_provisional(tmp_path):
+    report, joint, _ = lifted(tmp_path, {"max_speed": None})
+    assert joint.choice is None
+    assert joint.nearest.name == "C, stroke 0.1 m"
+    assert joint.nearest.lacks == ("largest speed",)
+    assert joint.nearest.would == ("largest speed >= 0.075 m/s",)
+    assert report.verdict.joints[2].state == "provisional"
+
+
 def test_without_a_rod_side_nothing_pulls():
     bare = Cylinder(**CYLINDER | {"rod": 0.0})
     assert bare.areas == (pytest.approx(pi * 0.04**2 / 4), 0.0)

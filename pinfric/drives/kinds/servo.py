@@ -15,7 +15,8 @@ HEAT = ("continuous torque", "short-term torque", "overloaded standstill", "stan
 
 def is_servo(entry: object) -> bool:
     """Return whether a gear or gearmotor is one: its continuous torque is of its stall torque."""
-    return getattr(entry, "continuous_torque", 0.0) is None  # gears have none
+    of_a_kind = getattr(entry, "special", None) is not None  # which has no torques of its own
+    return not of_a_kind and getattr(entry, "continuous_torque", 0.0) is None  # gears have none
 
 
 def continuous_torque(stall_torque: float) -> tuple[float, str]:
