@@ -324,6 +324,17 @@ def test_processes_killed_while_they_compile_leave_a_cache_that_is_read(tmp_path
 
 
 @pytest.mark.slow
+def test_two_processes_fill_one_cache_at_the_same_time(tmp_path):
+    (tmp_path / "chain_of_a_test.py").write_text(CHAIN)
+    command, given = [sys.executable, "chain_of_a_test.py"], environment(tmp_path)
+    both = [subprocess.Popen(command, cwd=tmp_path, env=given, stderr=-1) for _ in range(2)]
+    said = [process.communicate()[1].decode() for process in both]
+    assert [process.returncode for process in both] == [0, 0]
+    assert all("1.0 " in text and "damaged" not in text for text in said)
+    assert python(tmp_path, "chain_of_a_test.py").stderr == "1.0 1\n"
+
+
+@pytest.mark.slow
 def test_each_processor_has_kernels_of_its_own_in_one_cache(tmp_path):
     (tmp_path / "chain_of_a_test.py").write_text(CHAIN)
     targets = [{}, {"NUMBA_CPU_NAME": "generic", "NUMBA_CPU_FEATURES": ""}]
