@@ -54,7 +54,8 @@ def lifted(tmp_path, cylinder=None, **conditions):
 @pytest.fixture(scope="module")
 def excavator():
     scene, motion = example("excavator", "excavator.waypoints.yaml")
-    return pf.size(scene, motion, "default"), motion
+    soil = scene.payloads["soil"].model_copy(update={"inertia": (40.0, 0.0, 0.0, 40.0, 0.0, 40.0)})
+    return pf.size(scene.with_(payloads={"soil": soil}), motion, "default"), motion
 
 
 def distances(scene, motion):

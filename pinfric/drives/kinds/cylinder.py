@@ -249,6 +249,10 @@ def _bare(d: Candidates) -> str:
     return f"{', '.join(words)}, and it has no rod side (rod: 0)" if _of(d).rod == 0.0 else ""
 
 
+def _speed(d: Candidates) -> float:
+    return largest(d.case.cycle.velocity)
+
+
 def _flow(d: Candidates) -> float:
     """The largest that it takes, L/min: out into the bore, in around the rod."""
     out, back = (max(x.max(), 0.0) for x in (d.case.cycle.velocity, -d.case.cycle.velocity))
@@ -300,7 +304,7 @@ LIMITS = [
           "rod diameter, or the load at rest",
           lambda d: f"holds {largest(np.array(_held(d))):.5g} N, its chambers locked",
           stage="entry", applies=_cylinders),
-    Limit("cylinder speed", "speed", lambda d: number(_of(d).max_speed), "m/s",
+    Limit("cylinder speed", _speed, lambda d: number(_of(d).max_speed), "m/s",
           "max |v| <= largest speed of its piston", "maker's figures", "largest speed",
           stage="entry", applies=_cylinders),
     Limit("cylinder flow", _flow, lambda d: number(d.conditions.hydraulic_flow) * _PER_MINUTE,
