@@ -299,9 +299,12 @@ def slides(scene: Scene, column: int) -> bool:
 
 
 def motor_unit(scene: Scene, actuator: int) -> str:
-    """Return the unit at a drive's motor: N m behind a gear, else `effort_unit`."""
-    geared = scene.drives[actuator].transmission is not None
-    return "N m" if geared else effort_unit(scene, actuator)
+    """Return the unit at a drive's motor: N m behind a gear, else `effort_unit`.
+
+    What slides with a ratio of 1 is a linear motor or a cylinder: no motor turns 1 rad in 1 m.
+    """
+    gear, unit = scene.drives[actuator].transmission, effort_unit(scene, actuator)
+    return unit if gear is None or (unit == "N" and gear.ratio == 1.0) else "N m"
 
 
 def unit_of_drive(scene: Scene, name: str, motor: bool = False) -> str:

@@ -17,6 +17,8 @@ from pinfric.drives.criterion import Status
 from pinfric.drives.kinds.cylinder import Cylinder
 from pinfric.errors import CatalogError, RetimeError
 from pinfric.retiming.limits import read_limits
+from pinfric.show.inverse_summary import inverse_summary
+from pinfric.show.report.inverse import inverse_report
 from pinfric.sizing.summary import sizing_summary
 
 FOLDER = Path(pf.__file__).parent / "catalog"
@@ -154,6 +156,17 @@ def test_half_of_a_cylinder_is_at_each_of_its_pins(excavator):
     assert (report.bus.known, report.bus.left_out) == (0, ())
     standing = [s.torque for s in report.standstills]
     assert all(c.status == Status.NOT_REQUIRED and "locks the oil in" in c.note for c in standing)
+
+
+def test_cylinders_have_no_shaft(excavator):
+    report, motion = excavator
+    assert all(drive.transmission is not None for drive in report.scene.drives)
+    result = pf.inverse_dynamics(report.scene, motion)
+    summary = inverse_summary(result, motion.source)
+    assert [joint.motor_unit for joint in summary.joints] == ["N"] * 3
+    titles = [getattr(part, "title", "") for part in inverse_report(result, summary)]
+    assert any("excavator" in title for title in titles)
+    assert not any("shafts" in title for title in titles)
 
 
 def test_a_cylinder_on_a_sliding_joint_is_judged_by_hand(tmp_path):

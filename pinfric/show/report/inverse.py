@@ -47,7 +47,7 @@ def inverse_report(
     geared = [
         joint
         for joint, drive in zip(summary.joints, result.scene.drives, strict=True)
-        if drive.transmission is not None
+        if drive.transmission is not None and joint.motor_unit != "N"  # it has a shaft
     ]
     failing = [f"! {line}" for line in summary.beyond_limits]
     zero = ROUNDING * max((s.motor_peak for s in geared), default=0.0)
