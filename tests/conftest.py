@@ -3,6 +3,13 @@
 import gc
 import os
 import signal
+import sys
+from pathlib import Path
+
+if sys.dont_write_bytecode:  # each process, and each that a test starts, would read all source anew
+    os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+    os.environ["PYTHONPYCACHEPREFIX"] = str(Path(__file__).parents[1] / ".pytest_cache/bytecode")
+    sys.dont_write_bytecode, sys.pycache_prefix = False, os.environ["PYTHONPYCACHEPREFIX"]
 
 if "PYTEST_XDIST_WORKER" in os.environ:  # a process per core: threads of BLAS only wait there
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")

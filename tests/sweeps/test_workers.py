@@ -25,7 +25,6 @@ from pinfric.errors import SweepError
 from pinfric.sweeps.cycle import compute
 from pinfric.sweeps.workers import on_cluster
 
-distributed = pytest.importorskip("distributed")
 pytestmark = pytest.mark.filterwarnings("ignore::RuntimeWarning:distributed")
 
 HELPERS = str(Path(__file__).parents[1] / "helpers")
@@ -103,8 +102,14 @@ def test_lost_processes_are_said_in_one_line(panda, recwarn):
     assert again.processes == 2
 
 
+@pytest.fixture(scope="module")
+def distributed():
+    """Imported where a test needs it: all that collect tests would wait two seconds."""
+    return pytest.importorskip("distributed")
+
+
 @pytest.fixture
-def scheduler(tmp_path):
+def scheduler(distributed, tmp_path):
     """A scheduler and two workers as on a cluster, each a process of its own; yields the first."""
     file = tmp_path / "scheduler.json"
     common = ["--scheduler-file", str(file), "--host", "127.0.0.1", "--no-dashboard"]
@@ -147,7 +152,9 @@ def test_workers_that_finish_nothing_are_said(panda, monkeypatch):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("lost", ["nobody", "worker", "scheduler"])
-def test_a_cluster_gives_the_figures_of_one_process(panda, undisturbed, scheduler, lost):
+def test_a_cluster_gives_the_figures_of_one_process(
+    distributed, panda, undisturbed, scheduler, lost
+):
     with distributed.Client(scheduler.address, set_as_default=False) as client:
         pids = list(client.run(os.getpid).values())
     progress = KillOne(lambda: {"nobody": [], "worker": pids, "scheduler": [scheduler.pid]}[lost])
@@ -191,7 +198,7 @@ def test_a_signal_ends_a_sweep_and_leaves_nothing(scheduler, tmp_path, how, numb
 
 
 @pytest.mark.parametrize("address", ["closed", "nonsense", "nobody.invalid:8786", "http", "ssh"])
-def test_a_scheduler_that_does_not_answer_is_said(address, monkeypatch):
+def test_a_scheduler_that_does_not_answer_is_said(distributed, address, monkeypatch):
     monkeypatch.setattr("pinfric.sweeps.workers._CONNECT_TIMEOUT", 0.5)
     with socket.socket() as listener:
         listener.bind(("127.0.0.1", 0))
