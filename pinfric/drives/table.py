@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable
-from copy import deepcopy
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -241,7 +240,8 @@ def _entry(
 
     `plan` has the ratio first: it says what turns.
     """
-    entry: dict[str, Any] = deepcopy(wanted.every)  # its parts, too: each row adds its own
+    every = wanted.every.items()  # each row adds to its parts
+    entry: dict[str, Any] = {k: dict(v) if isinstance(v, dict) else v for k, v in every}
     kind, units, problems = _SECTIONS[wanted.section], dict[str, str](), list[str]()
     output, made = wanted.columns.get("output"), None
     column = output.column if isinstance(output, Cells) else output

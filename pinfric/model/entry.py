@@ -156,6 +156,8 @@ class Entry(BaseModel):
         if not isinstance(data, dict):
             return data
         names = cls.key_names()
+        if data.keys() <= set(names):
+            return data
         return {
             name: value
             if name in names
@@ -324,6 +326,10 @@ def _path(loc: tuple[int | str, ...], content: Any, missing: bool) -> list[int |
     return [*path, loc[-1]] if missing else path
 
 
+#: Types of values without parts.
+_PLAIN = frozenset((type(None), bool, int, float, str))
+
+
 def unlikely(
     key: str, value: float | None, most: float, unit: str, hint: str = ""
 ) -> Iterator[str]:
@@ -351,5 +357,7 @@ def questions_below(
     if getattr(node, "installed", None) is not None:  # a product's figures are its maker's
         parts = [(name, value) for name, value in parts if name != "transmission"]
     for name, value in parts:
+        if type(value) in _PLAIN:  # of most values; to ask pydantic's classes takes ten times it
+            continue
         if isinstance(value, BaseModel | dict | list | tuple):
             yield from questions_below(value, (*at, name))

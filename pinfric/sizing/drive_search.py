@@ -67,6 +67,8 @@ from pinfric.model.transmission import driven_efficiency
 
 #: Numbers of an array over gears and motors at a time.
 _MOST = 2_000_000
+#: So many gears at a time at most, where a search may end before their last.
+_TOGETHER = 32
 #: A catalogue of no more drives is shown in full.
 _FEW = 12
 #: Drives that are judged in full to find the one that misses by least.
@@ -754,14 +756,19 @@ class DriveSearch:
         """
         gears: list[tuple[float, int, int]] = []
         for b, group in enumerate(self.arrays.groups):
-            mass = np.where(group.fits & group.signable, group.mass, np.nan)
+            light = group.mass <= self.parts.most  # a brake only adds to it
+            mass = np.where(group.fits & group.signable & light, group.mass, np.nan)
             passing = np.isfinite(mass).any(axis=1) & (self.gear_margins[b] >= 0)
             known = self._complete[b]
             gears += [(float(np.nanmin(mass[g])), b, g) for g in known[passing[known]].tolist()]
         gears.sort()
         ready: list[tuple[float, float, str, int, int, int, Iterator[Any]]] = []
+        together = 1
         for k, (_, b, g) in enumerate(gears):
             if self._row(b, g).margin >= 0:
+                if (b, g) not in self._known.margins:  # with more and more of those that follow
+                    self._ahead(gears[k : k + together])
+                    together = min(2 * together, _TOGETHER)
                 own = self._of_one(b, g)
                 ready += [(*first, own) for first in [next(own, None)] if first]
                 heapq.heapify(ready)
@@ -773,6 +780,12 @@ class DriveSearch:
                 else:
                     heapq.heappop(ready)
                 yield lightest, -short, where[0], where[1], where[2]
+
+    def _ahead(self, gears: Sequence[tuple[float, int, int]]) -> None:
+        """Bound the margins of the first gear (mass, group, number), and of others of its group."""
+        b = gears[0][1]
+        able = [g for _, c, g in gears if c == b and self._row(b, g).margin >= 0]
+        next(self._bounds(b, np.array(able)))
 
     def _of_one(self, b: int, g: int) -> Iterator[tuple[float, float, str, int, int, int]]:
         """Yield mass, minus margin, name and numbers of a gear's drives, in order."""

@@ -351,6 +351,28 @@ def test_equal_masses_go_by_margin_then_by_name(tmp_path):
     assert ranked == sorted(ranked, key=rank)
 
 
+def test_gears_are_bounded_together_and_those_of_heavy_drives_not_at_all(arm, monkeypatch):
+    """The same offers of at most 1 kg, whether heavier ones are asked for, too, or not."""
+    search = sized(arm).joints[4].search
+    asked, margins = [], DriveSearch._margins
+
+    def counting(self, b, gears):
+        asked.append(len(gears))
+        return margins(self, b, gears)
+
+    monkeypatch.setattr(DriveSearch, "_margins", counting)
+    found, gears, times = [], [], []
+    for most in (np.inf, 1.0):
+        asked.clear()
+        one = DriveSearch(search.arrays, search.case, Parts(search.parts.own, most=most))
+        found.append([offer for offer in one.offers() if offer[0] <= 1.0])
+        gears.append(sum(asked))
+        times.append(len(asked))
+    assert found[0] == found[1] != []
+    assert gears[1] < gears[0] / 2
+    assert times[0] < gears[0] / 4
+
+
 @pytest.mark.slow
 def test_a_table_of_fifty_thousand_motors_is_read_and_judged_with_a_hundred_gears(arm, tmp_path):
     scene, motion, catalog = arm
