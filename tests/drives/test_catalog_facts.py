@@ -11,6 +11,7 @@ import pytest
 from tables import table
 
 from pinfric.drives.catalog_file import load_catalog
+from pinfric.drives.policy import lacks
 
 #: The printed unit in the catalogue's.
 UNITS = {"-": 1.0, "rpm": pi / 30, "gcm2": 1e-7, "kgcm2": 1e-4, "ms": 1e-3, "kJ": 1e3, "g": 1e-3,
@@ -37,6 +38,9 @@ gears  Beckhoff TP050 MF i=5  momentary_peak_torque  1250 -  AG2400, 8995561355
 gears  Beckhoff TP010 MF i=10  stiffness  79070.4 -  AG2400, 8995369483: 23 N m/arcmin
 gears  Neugart PLE060 i=5  repeated_peak_torque  64 -  AG2250, 8411826955
 gears  Neugart PLE040 i=7  backlash  15 arcmin  AG2250, 8411770123
+gears  Neugart PLE060 i=5  bearing.max_moment  14 -  AG2250, 8411826955: MK, 20,000 h
+gears  Neugart PLE060 i=5  bearing.max_axial  500 -  AG2250, 8411826955: Fa, 20,000 h
+gears  Neugart PLE040 i=7  bearing.max_moment  5 -  AG2250, 8411770123: MK, 20,000 h
 gears  Neugart PLE160 i=8  max_input_speed  6500 rpm  AG2250, 8412002827
 gears  Wittenstein NPS015 i=10  rated_torque  19 -  AG3300: NPS015 MF
 gears  maxon GP 42 C i=43  rated_torque  15 -  product page, July 2020
@@ -108,3 +112,12 @@ def test_every_maker_has_a_figure_that_was_looked_up(catalog):
     for section in ("motors", "gears", "gearmotors", "brakes", "bearings", "amplifiers"):
         for maker in {name.split()[0] for name in getattr(catalog, section)} - unread:
             assert (section, maker) in looked
+
+
+def test_planetary_gears_of_two_makers_lack_no_figure(catalog):
+    whole = {
+        name.split()[0]
+        for name, gear in catalog.gears.items()
+        if gear.kind == "planetary" and not lacks("other gear", gear)
+    }
+    assert {"Beckhoff", "Neugart"} <= whole

@@ -40,7 +40,9 @@ from pinfric.errors import CatalogError, SizingError
 from pinfric.model.drives import motor_torque_bounds
 from pinfric.model.schema import Actuator
 from pinfric.retiming.limits import read_limits
+from pinfric.show.report.drives import backlash_line
 from pinfric.sizing.drive_search import DriveSearch
+from pinfric.sizing.summary import sizing_summary
 
 # efforts at the joint: speeding up, running, slowing down; at rest anything in +-COULOMB
 UP, RUN, DOWN = (INERTIA * ACCELERATION + COULOMB, COULOMB, -INERTIA * ACCELERATION + COULOMB)
@@ -901,3 +903,14 @@ def test_what_brakes_bus_and_robot_miss_names_its_condition_too(tmp_path, given,
     assert report.joints[0].choice is not None
     (missed,) = [text for text in report.verdict.failing if row in text]
     assert f"conditions.{said}" in missed
+
+
+@pytest.mark.parametrize(("arcmin", "said"), [(15.0, True), (3.1, True), (3.0, False)])
+def test_backlash_beyond_that_of_robots_gears_is_said(arcmin, said, tmp_path):
+    catalog = one_drive(tmp_path, gear={"backlash": float(np.radians(arcmin / 60.0))})
+    lines = backlash_line(sizing_summary(sized_cycle(catalog, on_miss="ignore")))
+    assert (
+        lines
+        == [f"backlash, arcmin at the joint: table {arcmin:.3g}; conditions.backlash limits it"]
+        * said
+    )

@@ -30,7 +30,9 @@ def test_arms_are_moved_by_strain_wave_gears_of_the_size_of_their_own(name):
     for row in found:
         assert row.peak < row.limit
         assert row.bears > row.peak
-    assert all("CSG" in row.choice for row in found)
+    # a Panda's last joint takes a small planetary gear, whose backlash is said
+    others = [row.axis for row in found if "CSG" not in row.choice]
+    assert others == ["panda_joint7"] * (name == "panda_pick_and_place")
     chosen, own = (
         np.searchsorted(SERIES, [getattr(row, what) for row in found])
         for what in ("bears", "limit")

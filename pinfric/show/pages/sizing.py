@@ -21,6 +21,7 @@ from pinfric.show.pages.sizing_figures import (
 )
 from pinfric.show.report.drives import (
     ask_table,
+    backlash_line,
     brake_table,
     bus_lines,
     bus_table,
@@ -113,6 +114,7 @@ def sizing_page(report: SizingReport, command: str = "", inputs: Iterable[str | 
             *rating_lines(summary),
             *body_lines(report),
             *friction_line(report),
+            *backlash_line(summary),
             *summary.verdict.remarks,
         ],
         choices=None if report.catalog is None else choice_table(summary, _CELLS),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
+from math import degrees, radians
 
 from pinfric.drives.criterion import Status
 from pinfric.drives.drivetrain import RETYPED
@@ -19,6 +20,8 @@ from pinfric.sizing.sensitivity import FACTORS, Sensitivity
 from pinfric.sizing.summary import SizedJoint, SizingSummary, Unchecked
 from pinfric.sizing.verdict import JointState
 
+#: rad, 3 arcmin: planetary gears for robots have less (Beckhoff AG2400, TP), strain wave gears 1.
+_LOOSE = radians(3.0 / 60.0) * (1 + 1e-9)
 #: N m; torques of brakes below print as 0.
 _ROUNDING = 1e-9
 #: Fields of a joint that say which drive was chosen.
@@ -99,6 +102,20 @@ def brake_line(summary: SizingSummary) -> list[str]:
     said = "; ".join(f"{name} ({', '.join(of)})" for name, of in joints.items())
     lines = [f"{', '.join(of)}: {why}" for why, of in without.items()]
     return [f"brakes: {said}", *lines] if said else lines
+
+
+def backlash_line(summary: SizingSummary) -> list[str]:
+    """Return the joints whose gear has more backlash than a robot's joint usually has."""
+    loose = [
+        f"{joint.name} {degrees(joint.installed.backlash) * 60:.3g}"
+        for joint in summary.joints
+        if joint.installed is not None
+        and joint.unit == "N m"
+        and (joint.installed.backlash or 0.0) > _LOOSE
+    ]
+    if not loose:
+        return []
+    return [f"backlash, arcmin at the joint: {', '.join(loose)}; conditions.backlash limits it"]
 
 
 def currents_table(summary: SizingSummary) -> Table | None:

@@ -15,6 +15,7 @@ from pinfric.motions.summary import beyond_limits
 from pinfric.show.report.drives import (
     amplifier_lines,
     ask_table,
+    backlash_line,
     brake_line,
     brake_table,
     bus_lines,
@@ -116,6 +117,7 @@ def _short(
         sensitivity_table(summary),
         [
             *brake_line(summary),
+            *backlash_line(summary),
             *amplifier_lines(summary),
             *bus_lines(report)[:1],
             *stop_lines(summary, written),
