@@ -15,9 +15,8 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from pinfric.drives.bearing import BearingRatings
-from pinfric.drives.kinds.cylinder import Cylinder
+from pinfric.drives.kinds import KindSections, KindsOfMotors
 from pinfric.drives.kinds.kind import Kind
-from pinfric.drives.kinds.stepper import Stepper
 from pinfric.drives.policy import REFERENCE_TEMPERATURE, Conditions
 from pinfric.drives.sourced import Sourced, ascending, rising
 from pinfric.drives.thermal import Thermal
@@ -81,7 +80,7 @@ class RatedEntry(Sourced):
         return self
 
 
-class Motor(RatedEntry):
+class Motor(KindsOfMotors, RatedEntry):
     """A motor: torques and speeds at its shaft."""
 
     continuous_torque: Positive | None = optional("continuous torque", 0.45, "N m")
@@ -136,15 +135,6 @@ class Motor(RatedEntry):
     thermal: Thermal | None = optional(
         "for the winding's temperature", {"winding_housing": 1.2, "housing_ambient": 3.0}
     )
-    stepper: Stepper | None = optional(
-        "of a stepper motor, in place of torques and speeds",
-        {"holding_torque": 0.59, "current": 2.0, "resistance": 1.4, "inductance": 0.003},
-    )
-
-    @property
-    def special(self) -> Kind | None:
-        """What it has in place of torques and a speed-torque line; None: it has these."""
-        return self.stepper
 
     @property
     def frameless(self) -> bool:
@@ -279,12 +269,12 @@ class KindDrive(GearMotor):
     @property
     def serves(self) -> str:
         """See `GearMotor`."""
-        return str(getattr(self.figures, "medium", self.output))
+        return self.figures.serves
 
     @property
     def stroke(self) -> float | None:
         """Of its kind, m."""
-        return getattr(self.figures, "stroke", None)
+        return self.figures.stroke
 
     @classmethod
     def of(cls, figures: Kind, own: Mapping[str, Any]) -> KindDrive:
@@ -781,8 +771,8 @@ class Amplifier(Sourced):
         return self
 
 
-class CatalogFile(Entry):
-    """A whole catalogue file."""
+class _Sections(Entry):
+    """What every catalogue has."""
 
     pinfric_catalog: Version = key("version of the format", 1)
     extends: Literal["default"] | None = optional(
@@ -822,21 +812,6 @@ class CatalogFile(Entry):
         {"A 80": {"source": "data sheet", "grade": "R", "ratio": 64}},
         default_factory=dict,
     )
-    cylinders: dict[str, Cylinder] = key(
-        "hydraulic and pneumatic, for drives between two points and `conditions.cylinders`",
-        {
-            "C 80/45": {
-                "source": "data sheet",
-                "grade": "R",
-                "medium": "hydraulic",
-                "bore": 0.08,
-                "rod": 0.045,
-                "strokes": [0.5, 0.8],
-                "rated_pressure": 1.6e7,
-            }
-        },
-        default_factory=dict,
-    )
     bearings: dict[str, BearingEntry] = key(
         "for joints with a separate bearing",
         {"ring": {"source": "data sheet", "grade": "R", "mu": 0.0015}},
@@ -855,12 +830,17 @@ class CatalogFile(Entry):
     conditions: Conditions | None = optional("conditions of operation", {"bus_voltage": 24.0})
 
 
+class CatalogFile(KindSections, _Sections):
+    """A whole catalogue file."""
+
+
 @dataclass(frozen=True)
 class Catalog:
     """Products to choose from, by name.
 
     Attributes:
         source: the file, or "default" for the bundled ones.
+        kinds: entries of the sections of kinds (`kinds.KindSections`).
         replaced: entries that stand in place of bundled ones, in words.
         files: that it was read from; of the bundled entries their folder.
     """
@@ -869,7 +849,7 @@ class Catalog:
     motors: Mapping[str, Motor] = field(default_factory=dict)
     gears: Mapping[str, Gear] = field(default_factory=dict)
     gearmotors: Mapping[str, GearMotor] = field(default_factory=dict)
-    cylinders: Mapping[str, Cylinder] = field(default_factory=dict)
+    kinds: Mapping[str, Kind] = field(default_factory=dict)
     bearings: Mapping[str, BearingEntry] = field(default_factory=dict)
     brakes: Mapping[str, Brake] = field(default_factory=dict)
     amplifiers: Mapping[str, Amplifier] = field(default_factory=dict)
@@ -880,8 +860,8 @@ class Catalog:
     def whole(self) -> Iterator[tuple[str, GearMotor]]:
         """Yield the drives that are no motor behind a gear: gearmotors, and those of kinds."""
         yield from self.gearmotors.items()
-        for called, cylinder in self.cylinders.items():
-            for name, one, own in cylinder.drives(called):
+        for called, kind in self.kinds.items():
+            for name, one, own in kind.drives(called):
                 yield name, KindDrive.of(one, own)
 
 

@@ -12,6 +12,7 @@ from typing import Any
 
 from pinfric.drives.catalog import Catalog, CatalogFile
 from pinfric.drives.doubts import doubts
+from pinfric.drives.kinds import SECTIONS
 from pinfric.drives.policy import Conditions
 from pinfric.drives.sourced import Sourced
 from pinfric.drives.table import import_table, mapping_of
@@ -24,7 +25,7 @@ from pinfric.model.yamlfile import brief, path_of, read_yaml
 DEFAULT = "default"
 _FOLDER = Path(__file__).parents[1] / "catalog"
 _SECTIONS = (
-    *("motors", "gears", "belts", "gearmotors", "cylinders", "bearings", "brakes", "amplifiers"),
+    *("motors", "gears", "belts", "gearmotors", *SECTIONS, "bearings", "brakes", "amplifiers"),
 )
 
 
@@ -109,6 +110,7 @@ def _merged(source: str, files: Sequence[CatalogFile]) -> Catalog:
         section: {name: entry for file in files for name, entry in getattr(file, section).items()}
         for section in _SECTIONS
     }
+    entries["kinds"] = {n: x for section in SECTIONS for n, x in entries.pop(section).items()}
     belts = {name: belt.gear for name, belt in entries.pop("belts").items()}
     entries["gears"] = belts | entries["gears"]
     return Catalog(source, **entries, conditions=stated[-1] if stated else Conditions())

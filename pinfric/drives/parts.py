@@ -50,7 +50,7 @@ def named_drive(
         motors={key: x for key, x in catalog.motors.items() if name.startswith(key)},
         gears={key: x for key, x in catalog.gears.items() if key in name},
         gearmotors={key: x for key, x in catalog.gearmotors.items() if key == name},
-        cylinders={key: x for key, x in catalog.cylinders.items() if name.startswith(key)},
+        kinds={key: x for key, x in catalog.kinds.items() if name.startswith(key)},
     )
     drives = dict(drives_of(some, linear, conditions.ambient))
     if name not in drives:

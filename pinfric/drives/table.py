@@ -9,7 +9,7 @@ import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import model_validator
 
@@ -22,7 +22,7 @@ from pinfric.drives.catalog import (
     Motor,
     Text,
 )
-from pinfric.drives.kinds.cylinder import Cylinder
+from pinfric.drives.kinds import SECTIONS
 from pinfric.drives.sourced import Sourced
 from pinfric.drives.units import cells_of, in_si, unit_of
 from pinfric.errors import CatalogError, PinfricError, choose_from
@@ -36,10 +36,14 @@ _SECTIONS: dict[str, type[Sourced]] = {
     "gears": Gear,
     "belts": Belt,
     "gearmotors": GearMotor,
-    "cylinders": Cylinder,
+    **SECTIONS,
     "bearings": BearingEntry,
     "brakes": Brake,
 }
+if TYPE_CHECKING:
+    _Section = str
+else:  # words of the schema
+    _Section = Literal[tuple(_SECTIONS)]
 #: What a cell says instead of nothing, in any case.
 _NOTHING = {
     *("", "-", "--", "\N{EN DASH}", "\N{EM DASH}", "n/a", "na", "n.a.", "nan", "none", "null"),
@@ -67,9 +71,7 @@ class Cells(Entry):
 class TableMapping(Entry):
     """A mapping file: the column of a table for each key of an entry."""
 
-    section: Literal[
-        "motors", "gears", "belts", "gearmotors", "cylinders", "bearings", "brakes"
-    ] = key("kind of the rows", "motors")
+    section: _Section = key("kind of the rows", "motors")
     columns: dict[str, Annotated[str | Cells, Forms(Text, Cells)]] = key(
         "key of the entry (`thermal.NAME`, `bearing.NAME` for keys of a part, "
         "`stand_ins.NAME` for the product that a value is taken from): its column, or column "

@@ -34,7 +34,7 @@ def test_bundled_catalogue_has_the_figures_of_its_sources_and_no_doubts():
     assert (thermal.winding_time, thermal.housing_time, thermal.max_winding) == (52.6, 281, 125)
 
 
-SECTIONS = ("motors", "gears", "gearmotors", "cylinders", "bearings", "brakes", "amplifiers")
+SECTIONS = ("motors", "gears", "gearmotors", "kinds", "bearings", "brakes", "amplifiers")
 BUNDLED = [(section, name) for section in SECTIONS for name in getattr(pf.load_catalog(), section)]
 #: What finds a figure again: a page, a number of a document or part, a table, a dated page.
 PLACE = re.compile(

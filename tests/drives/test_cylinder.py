@@ -305,7 +305,7 @@ def test_a_named_cylinder_is_taken_and_not_retimed(tmp_path):
 
 def test_the_bundled_cylinders_have_the_ratios_of_areas_that_the_maker_prints():
     """CMB: 1.25 with the thin rod, 2 with the thick one; Pneumax: ring areas in dm^2."""
-    own = load_catalog("default").cylinders.values()
+    own = load_catalog("default").kinds.values()
     oil = [c for c in own if c.medium == "hydraulic"]
     ratios = {(c.bore, c.rod): c.areas[0] / c.areas[1] for c in oil}
     assert len(ratios) == 20

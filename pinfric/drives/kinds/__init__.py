@@ -1,10 +1,19 @@
-"""Kinds of drives: of each all that is its own, in one module."""
+"""Kinds of drives: of each all that is its own, in one module; here what catalogues take of them.
+
+A kind stands in for a motor's figures under a key of motors (`KindsOfMotors`), or has a section of
+its own (`KindSections`), whose entries are whole drives.
+"""
 
 from typing import NamedTuple
 
-from pinfric.drives.kinds import cylinder, stepper
+from pinfric.drives.kinds.cylinder import LIMITS as CYLINDERS
+from pinfric.drives.kinds.cylinder import Cylinder
 from pinfric.drives.kinds.kind import Kind
+from pinfric.drives.kinds.stepper import LIMITS as STEPPERS
+from pinfric.drives.kinds.stepper import Stepper
 from pinfric.drives.limit import Limit
+from pinfric.drives.sourced import Sourced
+from pinfric.model.entry import Entry, key, optional
 
 
 class KindOfDrive(NamedTuple):
@@ -14,7 +23,43 @@ class KindOfDrive(NamedTuple):
     limits: list[Limit]
 
 
-KINDS = (
-    KindOfDrive(stepper.Stepper, stepper.LIMITS),
-    KindOfDrive(cylinder.Cylinder, cylinder.LIMITS),
-)
+KINDS = KindOfDrive(Stepper, STEPPERS), KindOfDrive(Cylinder, CYLINDERS)
+
+
+class KindsOfMotors(Entry):
+    """Keys of a motor that make it one of a kind."""
+
+    stepper: Stepper | None = optional(
+        "of a stepper motor, in place of torques and speeds",
+        {"holding_torque": 0.59, "current": 2.0, "resistance": 1.4, "inductance": 0.003},
+    )
+
+    @property
+    def special(self) -> Kind | None:
+        """What it has in place of torques and a speed-torque line; None: it has these."""
+        given = (getattr(self, name) for name in KindsOfMotors.model_fields)
+        return next((kind for kind in given if kind is not None), None)
+
+
+class KindSections(Entry):
+    """Sections of a catalogue whose entries are whole drives."""
+
+    cylinders: dict[str, Cylinder] = key(
+        "hydraulic and pneumatic, for drives between two points and `conditions.cylinders`",
+        {
+            "C 80/45": {
+                "source": "data sheet",
+                "grade": "R",
+                "medium": "hydraulic",
+                "bore": 0.08,
+                "rod": 0.045,
+                "strokes": [0.5, 0.8],
+                "rated_pressure": 1.6e7,
+            }
+        },
+        default_factory=dict,
+    )
+
+
+#: Section -> class of its entries.
+SECTIONS: dict[str, type[Sourced]] = {"cylinders": Cylinder}

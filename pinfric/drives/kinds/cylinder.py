@@ -107,6 +107,11 @@ class Cylinder(Sourced, Kind):
         return self
 
     @property
+    def serves(self) -> str:
+        """Joints of its medium."""
+        return self.medium
+
+    @property
     def stroke(self) -> float:
         """Of a drive: its only one, m."""
         return self.strokes[0]

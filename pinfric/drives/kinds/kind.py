@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
-from typing import ClassVar
+from collections.abc import Collection, Iterator, Mapping
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -50,6 +50,20 @@ class Kind(Entry):
     def torques(self) -> tuple[float | None, str]:
         """What stands for its continuous and peak torque, N m or N, and why."""
         raise NotImplementedError
+
+    @property
+    def serves(self) -> str:
+        """Which joints take it, of a section of its own, as `parts.output_of` says."""
+        return "linear"
+
+    @property
+    def stroke(self) -> float | None:
+        """Of one of `drives`, m; None: it has no end."""
+        return None
+
+    def drives(self, name: str) -> Iterator[tuple[str, Kind, dict[str, Any]]]:
+        """Yield the drives of an entry: name, figures of one, what a gearmotor has of it."""
+        yield from ()
 
     @property
     def unbraked(self) -> tuple[bool, str]:
