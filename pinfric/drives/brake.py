@@ -205,8 +205,8 @@ def _standstill(
             turning = np.abs(gear.ratio * result.actuator_velocity[:, i])
             at_shaft = inertia / gear.ratio**2 + gear.rotor_inertia
             within = demand.within(conditions)
-            count = conditions.brake_stops
-            stop = Stop(at_shaft, turning, np.abs(load / gear.ratio), within, count)
+            stops = conditions.brake_stops
+            stop = Stop(at_shaft, turning, np.abs(load / gear.ratio), within, stops)
     pose = _hardest(still, i)
     use, held = _use(still, i, pose, own[pose])
     torque = None if shaft is None else demand.reserve(conditions) * shaft[1]
@@ -285,14 +285,14 @@ class Stop(NamedTuple):
     Attributes:
         inertia: (T,) kg m^2. speed: (T,) rad/s. load: (T,) |T_load|, N m.
         within: time in which the brake must stop it, s; infinite: any.
-        count: stops as hard until it is worn; None: any.
+        stops: as many as hard until it is worn; None: any.
     """
 
     inertia: np.ndarray
     speed: np.ndarray
     load: np.ndarray
     within: float = np.inf
-    count: float | None = None
+    stops: float | None = None
 
     def torque(self, brake: Brake) -> float:
         """Return what it takes to stop in time, N m: |T_load| + (J + J_brake) omega/t, largest."""
@@ -309,7 +309,7 @@ class Stop(NamedTuple):
 
     def wear(self, brake: Brake) -> float | None:
         """Return the energy of all stops, J; None: no number is demanded."""
-        return None if self.count is None else self.count * self.energy(brake)
+        return None if self.stops is None else self.stops * self.energy(brake)
 
     def bears(self, brake: Brake) -> bool:
         """Return whether a brake bears one stop and all of them, as far as its maker says."""

@@ -154,7 +154,7 @@ def _bounds(machines: Machines, cycle: StopCycle) -> tuple[np.ndarray, list[Near
     scene, trajectory = machines.scene, cycle.trajectory
     count, q = len(scene.drives), trajectory.q[:, cycle.place]
     gears = [drive.transmission for drive in scene.drives]
-    rotor = [0.0 if gear is None else gear.rotor_inertia for gear in gears]
+    rotor = np.array([0.0 if gear is None else gear.rotor_inertia for gear in gears])
     ratio = np.abs([drive.ratio for drive in scene.drives])
     heavy = rotor * ratio**2
     moves = np.flatnonzero(trajectory.v.any(axis=1))
@@ -163,7 +163,8 @@ def _bounds(machines: Machines, cycle: StopCycle) -> tuple[np.ndarray, list[Near
         taken = np.zeros(count)
         for kind in (MachineKind(True, load), MachineKind(False, load)):
             way = WAY_RESERVE * estimates(machines, cycle, kind).most
-            brake = [machines.of(kind).torque.get(drive.name, 0.0) for drive in scene.drives]
+            torque = machines.of(kind).torque
+            brake = np.array([torque.get(drive.name, 0.0) for drive in scene.drives])
             taken = np.maximum(taken, _work(brake * ratio, way))
         v, rate = trajectory.v[moves], cycle.rate[moves]
         M = mass_matrices(scene.twin(machines.of(kind).carried), trajectory.q[moves])

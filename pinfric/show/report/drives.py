@@ -106,13 +106,9 @@ def brake_line(summary: SizingSummary) -> list[str]:
 
 def backlash_line(summary: SizingSummary) -> list[str]:
     """Return the joints whose gear has more backlash than a robot's joint usually has."""
-    loose = [
-        f"{joint.name} {degrees(joint.installed.backlash) * 60:.3g}"
-        for joint in summary.joints
-        if joint.installed is not None
-        and joint.unit == "N m"
-        and (joint.installed.backlash or 0.0) > _LOOSE
-    ]
+    turning = [joint for joint in summary.joints if joint.unit == "N m"]
+    gaps = [(j.name, (j.installed and j.installed.backlash) or 0.0) for j in turning]
+    loose = [f"{name} {degrees(gap) * 60:.3g}" for name, gap in gaps if gap > _LOOSE]
     if not loose:
         return []
     return [f"backlash, arcmin at the joint: {', '.join(loose)}; conditions.backlash limits it"]
