@@ -84,4 +84,4 @@ def test_every_joint_gets_an_answer(name):
         assert all("input inertia" in joint.installed.lacks for joint in report.joints[:2])
     else:
         assert all(signed)
-        assert all(drive.ratings.stepper for drive in drives)
+        assert all(drive.ratings.special for drive in drives)
