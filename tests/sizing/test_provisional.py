@@ -187,7 +187,7 @@ def test_the_servos_of_the_so101_hold_it_with_pauses():
     assert {a.candidate.name for a in taken} == {"Feetech STS3215 12 V"}  # what is built
     assert whole.drive_mass == pytest.approx(6 * 0.055)
     assert not any(a.candidate.brake for a in taken)  # they have no shaft for one
-    light = "cannot hold 3.56 kg of drives that can be signed: lighter ones, of at most 0.089 kg"
+    light = "cannot hold 2.77 kg of drives that can be signed: lighter ones, of at most 0.089 kg"
     assert light in whole.verdict.headline
     assert "none of " in whole.joints[0].no_fit
     assert "that its link can hold can be signed" in whole.joints[0].no_fit

@@ -235,7 +235,7 @@ def test_simulated_stops_of_sized_robots_load_their_gears_as_the_algebra_says(na
     equipped = timed(report.scene).with_(stops={"category": 0, "reaction_time": 0.01})
     found = pf.stop(equipped, motion)
     simulated = np.array([axis.peak for axis in found.axes])
-    bears = np.array([d.transmission.momentary_peak for d in equipped.drives])
+    bears = np.array([d.transmission.momentary_peak or np.inf for d in equipped.drives])
     algebra = cycle_peaks(found.search.machines, motion, ())
     assert (algebra >= [joint.demand.peak for joint in report.joints]).all()  # of the cycle itself
     ratio = (simulated / algebra)[simulated > 0.1 * bears]
