@@ -166,10 +166,7 @@ def _losses(still: InverseResult) -> Iterator[tuple[Scene, States]]:
         if lost.kind != "hose":
             fewer = tuple(s for s in scene.springs if s is not lost)
             yield replace(bare, springs=fewer), states
-    carried = states.attached
-    if carried is None:
-        default = [load.attached for load in scene.payloads.values()]
-        carried = np.tile(default, (len(states.q), 1))
+    carried = states.carried(scene)
     for k in range(len(scene.payloads)):
         if carried[:, k].any():
             rest = carried.copy()

@@ -184,18 +184,15 @@ def payload_phases(result: InverseResult) -> dict[str, list[tuple[float, float]]
     Raises:
         StateError: the result has no times.
     """
-    t, attached, payloads = result.t, result.states.attached, result.scene.payloads
+    t, attached = result.t, result.states.carried(result.scene)
     if t is None:
         raise StateError("payload phases need times: give `t` to inverse_dynamics")
-    if attached is None:
-        always = np.array([payload.attached for payload in payloads.values()], dtype=bool)
-        attached = np.broadcast_to(always, (len(t), len(payloads)))
     return {
         name: [
             (float(t[first]), float(t[min(last + 1, len(t) - 1)]))
             for first, last in runs(attached[:, p])
         ]
-        for p, name in enumerate(payloads)
+        for p, name in enumerate(result.scene.payloads)
     }
 
 

@@ -111,6 +111,13 @@ class States:
         first = part.start - self.around(part).start
         return slice(first, first + part.stop - part.start)
 
+    def carried(self, scene: Scene) -> np.ndarray:
+        """Return (T, number of payloads) which of the scene's payloads are carried."""
+        if self.attached is not None:
+            return self.attached
+        always = np.array([payload.attached for payload in scene.payloads.values()], dtype=bool)
+        return np.broadcast_to(always, (len(self.q), len(always)))
+
     def phases(self, scene: Scene) -> Iterator[tuple[int, int, tuple[str, ...] | None]]:
         """Yield (start, stop, names of the payloads carried; None: default) of each phase."""
         if self.attached is None or not scene.payloads:
