@@ -74,7 +74,6 @@ def gear_peaks(
     gears, count = [d.transmission for d in drives], len(drives)
     back = np.array([1.0 if gear is None else shock_efficiency(gear) for gear in gears])
     ratio = np.abs([drive.ratio for drive in drives])
-    rotor = np.array([0.0 if gear is None else gear.rotor_inertia for gear in gears])
     names, closes = [drive.name for drive in drives], np.array(sorted({*delay.values()}) or [0.0])
     brake = np.array(
         [[torque[n] if n in torque and delay[n] <= t else 0.0 for n in names] for t in closes]
@@ -86,7 +85,7 @@ def gear_peaks(
     BT, free = along.directions.transpose(0, 2, 1), range(count, rate.shape[1])
     none, slips = np.zeros(len(free)), np.append(back > 0.0, np.ones(len(free), dtype=bool))
     divided = np.where(slips, np.append(back, none + 1.0), 1.0)
-    heavy = np.append(ratio**2 * rotor, none) / divided
+    heavy = np.append(ratio**2 * scene.gears().rotor_inertia, none) / divided
     pushes = np.pad(ratio * brake, ((0, 0), (0, len(free)))) / divided
     passes = np.where(slips, pushes, np.inf)  # (brakes closed, na + nf)
     direction = np.pad(np.where(slips[:count], direction, 0.0), ((0, 0), (0, len(free))))

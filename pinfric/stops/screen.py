@@ -153,10 +153,8 @@ def _bounds(machines: Machines, cycle: StopCycle) -> tuple[np.ndarray, list[Near
     """Return (na,) the most energy of any brake (J), and what comes nearest to a limit."""
     scene, trajectory = machines.scene, cycle.trajectory
     count, q = len(scene.drives), trajectory.q[:, cycle.place]
-    gears = [drive.transmission for drive in scene.drives]
-    rotor = np.array([0.0 if gear is None else gear.rotor_inertia for gear in gears])
-    ratio = np.abs([drive.ratio for drive in scene.drives])
-    heavy = rotor * ratio**2
+    ratio = np.abs(scene.gears().ratio)
+    heavy = scene.gears().rotor_inertia * ratio**2
     moves = np.flatnonzero(trajectory.v.any(axis=1))
     energy, nearest = np.zeros(count), list[Nearest | None]([None] * count)
     for load in (0.0, 1.0) if machines.full else (0.0,):

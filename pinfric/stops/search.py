@@ -408,11 +408,9 @@ def estimates(machines: Machines, cycle: StopCycle, kind: MachineKind) -> Estima
     full = kind.load > 0.0
     carried = carried_by(machines, kind.load, len(trajectory.q))
     states = States(trajectory.q, trajectory.v, trajectory.a, None, carried)
-    gears = [drive.transmission for drive in machine.scene.drives]
-    ratio = np.array([abs(drive.ratio) for drive in machine.scene.drives])
-    rotor = np.array([0.0 if gear is None else gear.rotor_inertia for gear in gears])
-    masses = drive_inertias(machine.scene, states)
-    inertia = np.einsum("tii->ti", masses) + ratio**2 * rotor
+    gears, masses = machine.scene.gears(), drive_inertias(machine.scene, states)
+    ratio = np.abs(gears.ratio)
+    inertia = np.einsum("tii->ti", masses) + ratio**2 * gears.rotor_inertia
     speed, delay = np.abs(cycle.rate), _per_drive(machine, machine.delay)
     push = -cycle.hold[full] * np.sign(cycle.rate)
     torque = ratio * _per_drive(machine, machine.drive_torque or machine.torque)
