@@ -360,14 +360,8 @@ def _payload_section(payloads: Mapping[str, Payload] | None, link: str) -> list[
     lines = ["  payloads:                    # what it carries; com in the link's frame"]
     for name, payload in payloads.items():
         carrier, com = yaml_line(payload.link, within=True), ", ".join(map(_short, payload.com))
-        off, where = (
-            ("", "along z of its link")
-            if payload.attached
-            else (
-                ", attached: false",
-                "as far across the last axis",
-            )
-        )
+        off = ", attached: false" * (not payload.attached)
+        where = "as far across the last axis" if off else "along z of its link"
         lines.append(
             f"    {name}: {{link: {carrier}, mass: {payload.mass:g}, com: [{com}]{off}}}"
             f"  # the rating: {where}"

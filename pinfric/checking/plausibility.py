@@ -59,10 +59,8 @@ def check(source: str | Path | Scene, xacro_args: Mapping[str, str] | None = Non
             scene = load_scene(scene)
     if scene.robot is None:
         return CheckReport(scene.source, scene.findings, {}, (scene.source,))
-    facts, files = _facts(scene.robot), (scene.source, str(scene.robot.urdf))
-    if "findings" not in vars(scene):
-        vars(scene)["findings"] = _ordered(_of_scene(scene, facts, meshes=True))
-    return CheckReport(scene.source, scene.findings, _figures(facts), files)
+    files = scene.source, str(scene.robot.urdf)
+    return CheckReport(scene.source, scene.findings, _figures(_facts(scene.robot)), files)
 
 
 def check_urdf(

@@ -38,9 +38,8 @@ def guessed_bodies(scene: Scene, names: Iterable[str]) -> dict[str, str]:
     said = {}
     for name in names:
         load = scene.payloads[name]
-        moment = load.mass * _side(load) ** 2 / 6.0
         said[f"robot.payloads.{name}.inertia"] = (
-            f"a cube of water {_side(load):.3g} m wide, {moment:.3g} kg m^2"
+            f"a cube of water {_side(load):.3g} m wide, {_moment(load):.3g} kg m^2"
         )
     return said
 
@@ -49,6 +48,10 @@ def _side(load: Payload) -> float:
     return float((load.mass / _WATER) ** (1.0 / 3.0))
 
 
+def _moment(load: Payload) -> float:
+    return load.mass * _side(load) ** 2 / 6.0
+
+
 def _cube(load: Payload) -> Payload:
-    moment = load.mass * _side(load) ** 2 / 6.0
+    moment = _moment(load)
     return load.model_copy(update={"inertia": (moment, 0.0, 0.0, moment, 0.0, moment)})

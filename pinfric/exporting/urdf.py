@@ -7,12 +7,14 @@ import xml.etree.ElementTree as ElementTree
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+import numpy as np
+
 from pinfric.errors import PinfricError, PinfricWarning
 from pinfric.exporting.constants import JointConstants
 from pinfric.exporting.mjcf import numbers, xml_comment, xml_text
 from pinfric.exporting.tree import drake_rotor, rotor_inertias
 from pinfric.model.mimics import lock_joints
-from pinfric.model.robot import changed_parts, read_robot
+from pinfric.model.robot import changed_parts, inertia_matrix, read_robot
 from pinfric.model.scene import Scene
 from pinfric.model.schema import Payload
 from pinfric.model.urdf import check_urdf
@@ -117,7 +119,7 @@ def _payload(name: str, payload: Payload) -> tuple[ElementTree.Element, ElementT
     inertial = ElementTree.SubElement(link, "inertial")
     ElementTree.SubElement(inertial, "origin", xyz=numbers(payload.com))
     ElementTree.SubElement(inertial, "mass", value=repr(payload.mass))
-    inertia = payload.inertia or (0.0,) * 6
+    inertia = inertia_matrix(payload)[np.triu_indices(3)].tolist()
     moments = zip(("ixx", "ixy", "ixz", "iyy", "iyz", "izz"), inertia, strict=True)
     ElementTree.SubElement(inertial, "inertia", {key: repr(value) for key, value in moments})
     joint = ElementTree.Element("joint", name=f"payload_{name}_fixed", type="fixed")

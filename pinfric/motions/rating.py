@@ -349,11 +349,7 @@ class Arm:
         place = model.frames[self.frame].placement
         if last.unit != "rad" or model.frames[self.frame].parentJoint != joint:
             return None
-        data = model.createData()
-        pin.computeJointJacobians(model, data, pin.neutral(model))
-        moves = pin.getJointJacobian(model, data, joint, pin.ReferenceFrame.LOCAL)
-        axis = moves.reshape(6, -1)[3:, last.index_v]
-        com = place.act(self.com)
+        axis, com = self.scene.twin().axis[joint - 1, 3:], place.act(self.com)
         foot = axis * (axis @ com)
         if np.linalg.norm(com - foot) >= offset * (1 - _ALIKE):
             return None

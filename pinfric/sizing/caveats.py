@@ -143,8 +143,7 @@ def caveats(
         _of_masses(scene),
         "Each motor and gear is a point mass on its joint's parent link, at the joint's origin; "
         "the drive of the first joint stands on the ground"
-        + f"; half of {', '.join(pinned)} is at each of its ends." * bool(pinned)
-        + "." * (not pinned),
+        + (f"; half of {', '.join(pinned)} is at each of its ends." if pinned else "."),
         f"Housing, shaft and bearings of a frameless kit are {KIT:.0%} of its mass and its gear's; "
         "couplings, cables and encoders have none. A gear takes the motors that its maker names, a "
         "frameless kit goes into a strain wave gear; else a motor with a shaft is taken to fit.",
