@@ -194,6 +194,21 @@ def test_a_cylinder_on_a_sliding_joint_is_judged_by_hand(tmp_path):
     assert not others & rows.keys()
 
 
+def test_air_holds_nothing_without_power(tmp_path):
+    """Oil in locked chambers does; locked air yields, and there is no brake for the lift."""
+    report, joint, _ = lifted(tmp_path, holding_brake="where_needed")
+    assert not joint.choice or not report.verdict.signed
+    held = report.standstills[2].torque
+    assert held.status not in (Status.PASSES, Status.NOT_REQUIRED)
+    assert "locked air yields" in held.note
+    _, _, oil = lifted(tmp_path, {"medium": "hydraulic"}, medium="hydraulic", holding_brake="any")
+    assert oil["cylinder holding pressure"].status == Status.PASSES
+    oily, *_ = lifted(
+        tmp_path, {"medium": "hydraulic"}, medium="hydraulic", holding_brake="where_needed"
+    )
+    assert oily.standstills[2].torque.status == Status.NOT_REQUIRED
+
+
 def test_conditions_set_pressure_mounting_and_reserve(tmp_path):
     asked = {"pneumatic_pressure": 4e5, "buckling_length": 2.0, "buckling_factor": 5.0}
     _, _, rows = lifted(tmp_path, **asked)

@@ -316,3 +316,14 @@ def test_what_a_model_has_beside_the_scene_is_said(recwarn, model, entry, rotor,
     pf.Scene(turning(**model), friction=friction, actuators=drives)
     said = [str(one.message) for one in recwarn]
     assert [bool(re.search(words or "", text)) for text in said] == [True] * bool(words)
+
+
+def test_a_copy_finds_by_itself_what_is_wrong_with_it():
+    """A copy whose fields are replaced, as a sweep does, has findings of its own."""
+    heavy = {"box": BOX["box"] | {"mass": 40.0}}
+    scene = made()
+    there = scene.findings, scene.gears()
+    again = copy.copy(scene)
+    object.__setattr__(again, "payloads", made().with_(payloads=heavy).payloads)
+    assert again.findings == scene.with_(payloads=heavy).findings != there[0]
+    assert again.gears() is not there[1]

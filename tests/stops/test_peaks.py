@@ -176,9 +176,9 @@ def test_a_self_locking_gear_rests_and_passes_what_comes():
     assert_allclose(found, judged, rtol=1e-9)
 
 
-def lift(**stops):
+def lift(torque=1.0, **stops):
     """10 kg on a screw of 200 rad/m, with 20 kg of rotor, and 20 N of friction."""
-    brake = {"torque": 1.0, "engage_time": 0.05}
+    brake = {"torque": torque, "engage_time": 0.05}
     joint, body = pin.JointModelPZ(), lump(10.0, moment=1.0)
     scene = axis(joint, body, 20.0, 9.81, ratio=200.0, rotor_inertia=5e-4, brake=brake)
     model = scene.model.copy()
@@ -221,6 +221,13 @@ def test_peaks_of_a_lift_by_hand(name):
     machines = machines_of(scene, motion)
     found = cycle_peaks(machines, motion, braking(machines, motion))
     assert found == pytest.approx([peak], rel=1e-9)
+
+
+def test_a_cycle_that_asks_more_than_its_stops_is_their_peak():
+    """Up: 10 (9.81 + 0.5) + 20 N. The brake, 120 N at most, slows 30 kg by 0.73 m/s^2: 105 N."""
+    scene = lift(torque=0.3, category=0)
+    machines, motion = machines_of(scene, down_and_up(scene)), down_and_up(scene)
+    assert cycle_peaks(machines, motion, ()) == pytest.approx([123.1], rel=1e-9)
 
 
 @pytest.mark.slow
