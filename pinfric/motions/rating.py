@@ -54,8 +54,8 @@ _ALIKE = 1e-3
 _NO_GRAVITY = 0.02
 #: A posture that reaches this part of another joint's worst serves it, too.
 _NEARLY_WORST = 0.97
-#: A payload is not heavier than so many times what moves.
-_HEAVIEST = 2.0
+#: A payload is not heavier than so many times what moves; than links whose masses leave out drives.
+_HEAVIEST, _HEAVIEST_OF_BARE = 2.0, 20.0
 #: 90 degrees, rad; and the least way of a move: with less room before a limit it goes back.
 _QUARTER, _LEAST_WAY = 0.5 * math.pi, 0.05
 #: s that each posture is held; Hz of the samples.
@@ -209,15 +209,17 @@ def rate(scene: Scene, given: Rating | Mapping[str, Any]) -> Rated:
 
     Raises:
         TrajectoryError: a rating that cannot be; closed loops; no link for the payload, or one that
-            never moves; more than twice the mass that moves; a joint without a range or top speed.
+            never moves; more than twice the mass that moves (20 times that of links without their
+            drives); a joint without a range or top speed.
     """
     rating = parse_rating(given)
     _check_open(scene)
     link = rating.link or _last_link(scene)
     moving = sum(inertia.mass for inertia in tuple(scene.model.inertias)[1:])
-    if rating.payload > _HEAVIEST * moving:
+    heaviest = _HEAVIEST_OF_BARE if False in scene.masses_hold else _HEAVIEST
+    if rating.payload > heaviest * moving:
         raise TrajectoryError(
-            f"rating.payload: {rating.payload:g} kg is more than {_HEAVIEST:g} times the "
+            f"rating.payload: {rating.payload:g} kg is more than {heaviest:g} times the "
             f"{moving:.4g} kg of {scene.source} that move: give kg"
         )
     mass, com = rating.payload, (0.0, 0.0, rating.payload_offset)

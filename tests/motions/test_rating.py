@@ -1,5 +1,7 @@
 """A rating's postures against a search that shares no code, and its moves by hand."""
 
+import dataclasses
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -232,6 +234,16 @@ def test_a_rating_that_cannot_be_is_refused_in_a_line(keys, said, tmp_path):
     with pytest.raises(PinfricError, match=said) as refused:
         rate(scene, keys)
     assert "\n" not in str(refused.value)
+
+
+def test_bare_links_carry_many_times_their_mass(tmp_path):
+    """Links whose masses leave out drives are light: 9.5 kg that carry 20 kg, not 200."""
+    scene, _ = rated_robot("arm", tmp_path)
+    bare = dataclasses.replace(scene, masses="without_drives")
+    rated = rate(bare, {"payload": 20.0})
+    assert rated.scene.payloads[rated.payload].mass == 20.0
+    with pytest.raises(TrajectoryError, match=r"200 kg is more than 20 times the 9\.5 kg"):
+        rate(bare, {"payload": 200.0})
 
 
 @pytest.mark.parametrize(
