@@ -75,7 +75,7 @@ def test_a_payload_without_inertia_is_a_cube_of_water(tmp_path):
     place = "robot.payloads.box.inertia"
     assert guess.bodies == {place: "a cube of water 0.2 m wide, 0.0533 kg m^2"}
     (line,) = body_lines(guess)
-    assert line.startswith("guess: payload box is a cube of water 0.2 m wide, 0.0533 kg m^2")
+    assert line.startswith("guess: payload box: a cube of water 0.2 m wide, 0.0533 kg m^2")
     assert sizing_summary(guess).point_mass == point.drive_mass
     assert not body.bodies
     assert not body_lines(body)

@@ -147,16 +147,17 @@ def body_lines(report: SizingReport) -> list[str]:
     """Return which payloads were taken as cubes of water, and what that adds."""
     names: dict[str, list[str]] = {}
     for place, why in report.bodies.items():
-        names.setdefault(why, []).append(place.split(".")[2])
+        name = place.removeprefix("robot.payloads.").removesuffix(".inertia")
+        names.setdefault(why, []).append(name)
     if not names:
         return []
-    said = ", ".join(f"payload {' and '.join(of)} is {why}" for why, of in names.items())
+    said = ", ".join(f"payload {', '.join(of)}: {why}" for why, of in names.items())
     heavier, lighter = (f"{digits(x or 0.0)} kg" for x in (report.drive_mass, report.point_mass))
-    adds = f"; {heavier} of drives, {lighter} as a point"
+    adds = f"; {heavier} of drives, {lighter} for a point"
     if report.point_mass is None:
         adds = ""
     elif report.point_mass == report.drive_mass:
-        adds = "; the drives are those of a point"
+        adds = "; it makes no drive heavier"
     return [f"guess: {said}, for want of its `inertia`{adds}"]
 
 
