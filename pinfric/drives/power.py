@@ -70,6 +70,11 @@ class BusPower:
     )
 
     @property
+    def feeds(self) -> bool:
+        """Whether it feeds any drive: cylinders take none of it."""
+        return bool(self.known or self.left_out)
+
+    @property
     def at_least(self) -> bool:
         """Whether not all power that is drawn is known."""
         return bool(self.left_out or self.mechanical)
@@ -150,7 +155,9 @@ def bus_power(
         resistor=(limit or voltage) ** 2 / flow.braking if flows else None,
         resistor_power=flow.returned / period if flows else None,
         capacitance=burst / room if room and flows else None,
-        criteria=(
+        criteria=()
+        if not drives
+        else (
             _supply(flow.driving, conditions, bool(left_out or mechanical)),
             compare(
                 _BRAKING,

@@ -18,6 +18,8 @@ from pinfric.drives.kinds.cylinder import Cylinder
 from pinfric.errors import CatalogError, RetimeError
 from pinfric.retiming.limits import read_limits
 from pinfric.show.inverse_summary import inverse_summary
+from pinfric.show.pages.sizing import sizing_page
+from pinfric.show.report.drives import amplifier_lines
 from pinfric.show.report.inverse import inverse_report
 from pinfric.sizing.summary import sizing_summary
 
@@ -167,6 +169,17 @@ def test_cylinders_have_no_shaft(excavator):
     titles = [getattr(part, "title", "") for part in inverse_report(result, summary)]
     assert any("excavator" in title for title in titles)
     assert not any("shafts" in title for title in titles)
+
+
+def test_a_machine_of_cylinders_has_no_bus(excavator):
+    """No criterion of a supply, no volts, no power of it, no amplifiers on the page."""
+    report, _ = excavator
+    assert report.bus.criteria == ()
+    page = sizing_page(report)
+    assert "All drives together" in page
+    for said in ("Power from the bus", "peak power of all drives", "48.0 V", "Currents are"):
+        assert said not in page, said
+    assert not amplifier_lines(sizing_summary(report))
 
 
 def test_a_cylinder_on_a_sliding_joint_is_judged_by_hand(tmp_path):

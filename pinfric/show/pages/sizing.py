@@ -175,7 +175,7 @@ def _demanded(report: SizingReport) -> str:
     arm = f"whole arm {figure(c.lowest_frequency)} Hz" if c.lowest_frequency else "each axis alone"
     parts = [
         *(f"payload {n}, {figure(p.mass)} kg" for n, p in report.given.payloads.items()),
-        f"bus {figure(c.bus_voltage)} V",
+        *[f"bus {figure(c.bus_voltage)} V"] * report.bus.feeds,
         f"ambient {figure(c.ambient)} °C",
         f"peak torque times {figure(c.peak_factor)}",
         f"inertia ratio up to {figure(c.inertia_ratio)}",

@@ -46,9 +46,7 @@ def choice_table(
     Args:
         cells: fields to show beside the usual ones or in another way, and how.
     """
-    bus = summary.bus
-    fed = bus is None or bus.known or bus.left_out
-    voltage = f", {digits(summary.conditions['bus_voltage'])} V" if fed else ""
+    voltage = f", {digits(summary.conditions['bus_voltage'])} V" if summary.bus.feeds else ""
     title = f"drives from {summary.catalog}{voltage}"
     own = {"choice": _chosen, **(cells or {})}
     return table_of(title, summary.joints, only={*(_SHORT if short else _CHOICE), *own}, cells=own)
@@ -162,7 +160,8 @@ def amplifier_lines(summary: SizingSummary) -> list[str]:
             said += "" if alike else f" {motor.current_kind}"
         by_name.setdefault(taken.amplifier or f"none: {taken.no_amplifier}", []).append(said)
     said = "; ".join(f"{name} ({'; '.join(of)})" for name, of in by_name.items())
-    return [f"amplifiers, peak and RMS current in A{alike}: {said}"] * bool(said)
+    fed = said and summary.bus.feeds
+    return [f"amplifiers, peak and RMS current in A{alike}: {said}"] if fed else []
 
 
 def by_text(lines: Iterable[str]) -> dict[str, dict[str, None]]:
@@ -293,7 +292,7 @@ def bus_table(report: SizingReport) -> Table | None:
 def bus_lines(report: SizingReport) -> list[str]:
     """Return how braking energy is absorbed, and which drives are left out."""
     bus = report.bus
-    if not (bus.known or bus.left_out):
+    if not bus.feeds:
         return []
     lines = [f"braking: {bus.remedy}"]
     special = {
