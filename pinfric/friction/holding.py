@@ -21,6 +21,8 @@ from pinfric.friction.sharing import joint_sizes, share
 _MARGIN = 1e-9
 #: Relative accuracy of the least use, and the nodes after which its proof gives up.
 LEAST, _NODES_FOR_LEAST = 1e-6, 200
+#: So many times a use a little below the last is looked for, then by halves; proofs at most.
+_NEAR_THE_LAST, _MOST_PROOFS = 3, 100
 
 
 @dataclass(frozen=True)
@@ -32,7 +34,7 @@ class Verdict:
         use: the smallest max |x_k| / limit_k found, ratios of friction to static limits.
         friction: (nc,) with that use (N m or N).
         proved: whether `held` is certain, see `StaticHold`.
-        least: whether no friction has a use smaller by more than `LEAST`.
+        least: whether no friction has a use smaller by more than `LEAST`, or than was asked.
     """
 
     held: bool | None
@@ -47,7 +49,7 @@ def decide(
     factor: np.ndarray,
     at_rest: np.ndarray,
     balance: Balance | None = None,
-    least: bool = False,
+    least_below: float = 0.0,
     slope: np.ndarray | None = None,
 ) -> Verdict:
     """Decide whether friction holds the coordinates at rest.
@@ -58,7 +60,7 @@ def decide(
         at_rest: (nc,) bool, the coordinates with dry friction that rest.
         balance: equilibrium of their friction; None: rates of zero. At its dead centre a joint has
             a zero column, but its friction changes loads, and so what others hold.
-        least: whether to find the least use, to `LEAST`, not only a friction that holds.
+        least_below: find the least use, to `LEAST`, if it is below this; 0: only whether it holds.
         slope: see `Mechanism.slope`.
     """
     resting = np.flatnonzero(at_rest)
@@ -79,21 +81,25 @@ def decide(
             held, proved, z, use = True, True, near, float(descend(wide, near))
         elif outcome == 0:
             held, proved = False, certain
-    # 3. the least use
-    outcome = -1 if z.size else 0
-    if least and planar and z.size:
-        outcome = 0
-        while len(wide.owner) and use > 0.0:
-            near = z.copy()
-            box = narrow if use <= 1.0 else wide
-            below = use * (1.0 - 0.5 * LEAST)
-            outcome = prove(box, near, below, 0.5 * LEAST, _NODES_FOR_LEAST)
-            if outcome != 1:
-                break
-            z, use = near, float(descend(wide, near))
+    # 3. the least use: none below `shown`; near the last one found, then halfway between the two
+    least, shown, found = not z.size or not len(wide.owner), 0.0, 0
+    for _ in range(_MOST_PROOFS if least_below and planar else 0):
+        most = min(use, least_below) * (1.0 - 0.5 * LEAST)
+        least = least or use == 0.0 or shown >= most * (1.0 - 0.5 * LEAST)
+        if least:
+            break
+        near, below = z.copy(), most if found < _NEAR_THE_LAST else 0.5 * (shown + most)
+        box = narrow if below <= 1.0 else wide
+        outcome = prove(box, near, below, 0.5 * LEAST, _NODES_FOR_LEAST)
+        if outcome < 0:
+            break
+        if outcome == 0:
+            shown = below
+        else:
+            z, use, found = near, float(descend(wide, near)), found + 1
     x = np.zeros(len(at_rest))
     x[resting] = wide.unit * (wide.x0 + wide.N @ z)
-    return Verdict(held, use, x, proved, outcome == 0)
+    return Verdict(held, use, x, proved, least)
 
 
 def least_possible_use(

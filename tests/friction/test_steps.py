@@ -105,7 +105,10 @@ def test_use_is_the_least_where_a_search_ends_above_it():
     for _ in range(60):
         p, factor = two_that_share(rng, contact=3.0)
         every = np.ones(2, dtype=bool)
-        found, least = decide(p, factor, every, least=True), grid_use(p, factor, (0.2, 1.0), 2001)
+        found, least = (
+            decide(p, factor, every, least_below=np.inf),
+            grid_use(p, factor, (0.2, 1.0), 2001),
+        )
         assert found.least
         assert found.use <= least * (1 + 2e-6)
         better += decide(p, factor, every).use > found.use * (1 + 1e-4)

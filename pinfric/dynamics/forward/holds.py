@@ -35,13 +35,15 @@ class StaticHold:
         held: True, False, or None if neither could be shown.
         use: the largest ratio of a joint's friction to its static limit, the smallest found over
             all ways to share friction (up to 50 times the limits where it can wedge itself; a lower
-            bound where balls rest and no friction holds).
+            bound where balls rest and no friction holds). With motor torques a gear's friction is
+            what it takes of the effort that arrives; one that locks itself can also hold efforts
+            far from that, and then takes no part in the ratio.
         proved: whether `held` is proved: if True by the friction returned here, if False by
             branching, with balls by a motion that friction cannot resist. Friction that might
             wedge itself beyond 50 times its limits is not covered.
-        least: whether `use` is proved to be the smallest, to 1e-6, with self-locking gears holding
-            as here. A smaller use may exist if a contact force lies in no plane, if balls rest, or
-            if 200 nodes of the proof are not enough.
+        least: whether `use` is proved to be the smallest, to 1e-6. A smaller use may exist if a
+            contact force lies in no plane, if balls rest, or if 200 nodes of the proof are not
+            enough.
         at_limit: names of the joints (or gears on joints without friction) with this ratio, which
             break away first.
         moving: names of the joints without dry friction that accelerate although all others stick.
@@ -105,7 +107,7 @@ def holds(
     modes = ws.modes
     modes.stuck[:] = ws.plan.coordinates.dry
     ws.assemble(q, v, u, applied)
-    verdict = _decide_all(ws, q, u, applied)
+    verdict, shift = _decide_all(ws, q, u, applied)
     modes.stuck[:], modes.direction[:] = ws.plan.coordinates.dry, 0.0
     modes.friction[:] = np.where(np.isfinite(verdict.friction), verdict.friction, 0.0)
     evaluate(ws.problem, modes.friction, modes.load, modes.rate)
@@ -119,7 +121,7 @@ def holds(
         use=verdict.use,
         proved=verdict.proved or bool(moving),
         least=verdict.least,
-        at_limit=_at_limit(ws, verdict.use),
+        at_limit=_at_limit(ws, verdict.use, shift),
         moving=moving,
         friction=friction,
         normal_load=ws.load.copy(),
@@ -128,59 +130,74 @@ def holds(
 
 def _decide_all(
     ws: Workspace, q: np.ndarray, effort: np.ndarray, applied: list[AppliedWrench] | None
-) -> Verdict:
-    """The first verdict that holds over all ways of self-locking gears, else that of the first way.
+) -> tuple[Verdict, np.ndarray]:
+    """The verdict of the least use over all ways of self-locking gears, which stays in `ws.modes`.
 
-    `held` is False, and proved, only if it is so for every way.
+    `held` is False, and proved, only if it is so for every way; the use is the least if it is the
+    least of its way and no other has one below it. Beside it from where friction counts (nc,).
     """
-    verdicts, shown = [], True
-    for efforts in ways_to_hold(ws.problem, ws.modes):
+    ways = list(ways_to_hold(ws.problem, ws.modes))
+    tried = ways or [ws.modes.effort.copy()]  # none: too many
+    found = list[tuple[Verdict, np.ndarray]]()
+    for efforts in tried:
         ws.modes.effort[:] = efforts
         hold_chosen(ws.problem, ws.modes)
-        verdicts.append(_decide(ws, q, effort, applied))
-        if verdicts[-1].held:
-            return verdicts[-1]
-        shown = shown and verdicts[-1].held is False
-    if not verdicts:  # too many
-        verdicts, shown = [_decide(ws, q, effort, applied)], False
-    return replace(
-        verdicts[0],
-        held=False if shown else None,
-        proved=shown and all(verdict.proved for verdict in verdicts),
-    )
+        used = min((verdict.use for verdict, _ in found), default=np.inf)
+        found.append(_decide(ws, q, effort, applied, used))
+    best = min(range(len(tried)), key=lambda i: found[i][0].use)
+    ws.modes.effort[:] = tried[best]
+    hold_chosen(ws.problem, ws.modes)
+    verdict, shift = found[best]
+    all_ways = [own for own, _ in found] if ways else []
+    least = bool(ways) and all(own.least for own in all_ways)
+    if verdict.held:
+        return replace(verdict, least=least), shift
+    shown = bool(ways) and all(own.held is False for own in all_ways)
+    proved = shown and all(own.proved for own in all_ways)
+    held = False if shown else None
+    return replace(verdict, held=held, proved=proved, least=least), shift
 
 
 def _decide(
-    ws: Workspace, q: np.ndarray, effort: np.ndarray, applied: list[AppliedWrench] | None
-) -> Verdict:
-    """The verdict on everything with dry friction at rest."""
+    ws: Workspace,
+    q: np.ndarray,
+    effort: np.ndarray,
+    applied: list[AppliedWrench] | None,
+    least_below: float,
+) -> tuple[Verdict, np.ndarray]:
+    """The verdict on everything with dry friction at rest, with the least use if it is below one.
+
+    Beside it from where friction counts (nc,): 0, or the nearest that a self-locking gear holds.
+    """
     dry = ws.plan.coordinates.dry
+    nothing, unknown = np.zeros(len(dry)), np.full(len(dry), np.nan)
     if not dry.any():
-        return Verdict(True, 0.0, np.zeros(len(dry)), True, True)
+        return Verdict(True, 0.0, nothing, True, True), nothing
     if not ws.mechanism.balls:
         without = without_gears(ws.problem, ws.modes, lines_and_rows(ws.problem, ws.modes)[1])
         assert without is not None  # no gear is in motion
         plain, of_y = without
-        shift = of_y[:, 0] if of_y.size else np.zeros(len(dry))
-        verdict = decide(plain, ws.mechanism.factor, dry, _statics(ws, dry, shift), least=True)
-        return replace(verdict, friction=verdict.friction + shift)
+        shift = of_y[:, 0] if of_y.size else nothing
+        balance = _statics(ws, dry, shift)
+        verdict = decide(plain, ws.mechanism.factor, dry, balance, least_below)
+        return replace(verdict, friction=verdict.friction + shift), shift
     # a ball's limit is a sphere: its friction is found as in forward dynamics
-    resting, nothing = np.flatnonzero(dry), np.zeros(len(dry))
+    resting = np.flatnonzero(dry)
     balance, block = _statics(ws, dry, nothing), ws.mechanism.block[dry]
     least = least_possible_use(ws.problem, resting, balance, block)
     if least > 1.0 + _MARGIN:
-        return Verdict(False, least, np.full(len(dry), np.nan), True)
+        return Verdict(False, least, unknown, True), nothing
     try:
         ws.solve(q, np.zeros(ws.nv), effort, applied)
     except AccelerationError:
-        return Verdict(None, np.inf, np.full(len(dry), np.nan), False)
+        return Verdict(None, np.inf, unknown, False), nothing
     held = bool(ws.modes.stuck[dry].all())
     limit = np.maximum(np.maximum(ws.most, -ws.least), 1e-300)
     size = np.sqrt(ws.mechanism.summed(ws.modes.friction**2))
     use = float((size / limit)[dry].max())
     friction = ws.modes.friction.copy()
     ws.assemble(q, np.zeros(ws.nv), effort, applied)
-    return Verdict(True if held else None, use, friction, held)
+    return Verdict(True if held else None, use, friction, held), nothing
 
 
 def _statics(ws: Workspace, resting: np.ndarray, shift: np.ndarray) -> Balance:
@@ -219,14 +236,14 @@ def _terms(ws: Workspace) -> np.ndarray:
     return np.asarray(maps.push_terms + weight)
 
 
-def _at_limit(ws: Workspace, use: float) -> tuple[str, ...]:
-    """Names of the sites, and gears, whose coordinate is used that much."""
+def _at_limit(ws: Workspace, use: float, shift: np.ndarray) -> tuple[str, ...]:
+    """Names of the sites, and gears, whose coordinate is used that much, counted from (nc,)."""
     if not use > 0.0:  # a limit may be infinite: a self-locking gear's
         return ()
-    x = ws.modes.friction
-    limit = np.where(x > 0.0, ws.most, -ws.least)
+    x = ws.modes.friction - shift
+    limit = np.where(x > 0.0, ws.most - shift, shift - ws.least)
     used = np.abs(x) >= _AT_LIMIT * use * limit
-    used &= ws.plan.coordinates.dry & (np.abs(x) > 0.0)
+    used &= ws.plan.coordinates.dry & (np.abs(x) > _STILL * np.abs(shift))
     return tuple(name for name, c, _ in ws.places if used[c])
 
 

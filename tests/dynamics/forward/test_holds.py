@@ -1,5 +1,7 @@
 """Whether friction holds a robot at rest: closed forms, an independent search, thresholds."""
 
+import dataclasses
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -12,6 +14,7 @@ from mechanisms import (
     bar,
     four_bar,
     grounded_model,
+    pin_friction,
     shifted,
     spatial_loop,
 )
@@ -20,6 +23,7 @@ from scipy.optimize import minimize
 import pinfric as pf
 from pinfric.dynamics.forward.workspace import Workspace
 from pinfric.errors import StateError
+from pinfric.friction import holding
 
 
 def best_of_many_starts(scene, q, effort, rng, starts=6):
@@ -344,3 +348,109 @@ def test_that_no_friction_of_balls_holds_is_proved_only_where_none_does(seed):
     assert held[0] is True
     assert held[3] is False
     assert sorted(held, key=[True, None, False].index) == held
+
+
+# ---------------------------------------------------------------- self-locking gears
+
+#: 4.905 N m on a bearing of 0.5 N m, held by a worm: efficiencies, ratio, no-load torque.
+_LOAD, _BEARING, _AHEAD, _BACK, _RATIO, _IDLE = -4.905, 0.5, 0.6, -0.1, 50.0, 0.002
+
+
+def worm_use(torque):
+    """The least use by hand: of the bearing beside a worm that holds, or of both alike.
+
+    What arrives is u = r T, and the worm delivers t. It holds t >= e (u - n), and t <= (u - n)/e_b
+    on the other side, where it is not used; for u < 0 all with its signs turned. What is left,
+    |load - t|, the bearing bears. Within the first interval the worm is used by
+    (u - t)/(u - e (u - n)).
+    """
+    u, load = _RATIO * torque, _LOAD
+    if u < 0.0:
+        u, load = -u, -load
+    idle = _RATIO * _IDLE
+    first, other = _AHEAD * (u - idle), (u - idle) / _BACK
+    beyond = max(load - other, 0.0) / _BEARING
+    if load >= u:  # the worm takes what is above u
+        return min(0.0, beyond)
+    both = (u - load) / (_BEARING + u - first)
+    return min(both, beyond)
+
+
+@pytest.mark.parametrize("of_width", [-0.5, -0.05, -1e-3, 1e-3, 0.5, 0.999, 1.001, 1.05, 1.5])
+def test_a_worm_beside_a_bearing_is_used_as_by_hand(of_width):
+    arm = chain(("j0", pin.JointModelRY(), pin.Inertia(1.0, np.array([0.5, 0, 0]), np.eye(3))))
+    drive = {
+        "ratio": _RATIO,
+        "efficiency": _AHEAD,
+        "back_efficiency": _BACK,
+        "rotor_inertia": 2e-5,
+        "no_load_torque": _IDLE,
+    }
+    scene = pf.Scene(
+        arm,
+        friction={"j0": {"coulomb": _BEARING}},
+        actuators=[{"joint": "j0", "transmission": drive}],
+    )
+    still = pf.inverse_dynamics(scene, *np.zeros((3, 1, 1)))
+    low, high = still.motor_torque_lower[0, 0], still.motor_torque_upper[0, 0]
+    torque = low + of_width * (high - low)
+    hold = pf.holds(scene, [0.0], motor_torque=[torque])
+    assert hold.use == pytest.approx(worm_use(torque), rel=1e-6)
+    assert hold.held == (0.0 <= of_width <= 1.0)
+    assert hold.proved
+    assert hold.least
+    assert hold.at_limit == (("j0",) if hold.use else ())
+
+
+def worm_and_four_bar(seed):
+    """A four-bar at rest in a random posture, its crank driven by a worm; and the worm."""
+    rng = np.random.default_rng(seed)
+    mu = rng.choice([0.05, 0.1, 0.2])
+    friction = {pin: pin_friction(mu, rng.uniform(0.005, 0.03), 1.2 * mu) for pin in "OABC"}
+    case = resting_four_bar(40, friction=friction)
+    drive = {
+        "ratio": 50.0,
+        "efficiency": rng.uniform(0.5, 0.95),
+        "back_efficiency": rng.uniform(-0.3, -0.01),
+        "rotor_inertia": 2e-5,
+        "no_load_torque": rng.uniform(2e-5, 2e-3),
+    }
+    drives = [{"joint": "O", "transmission": drive}]
+    return dataclasses.replace(case.scene, actuators=drives), case.q[rng.integers(40)], drive
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_beside_a_gear_that_locks_itself_the_least_use_is_found_in_bounded_time(seed, monkeypatch):
+    """Once 100,000 proofs lowered a use of 3.9e9 by a millionth each: no end within minutes.
+
+    A gear that holds an effort t is used at most wholly, so the use is at most 1 or that by effort
+    t, for each t that it holds; outside the motor's interval it is above 1.
+    """
+    scene, q, gear = worm_and_four_bar(seed)
+    still = pf.inverse_dynamics(scene, q[None], *np.zeros((2, 1, len(q))))
+    low, high = still.motor_torque_lower[0, 0], still.motor_torque_upper[0, 0]
+    mine = still.effort_lower[0, 0], still.effort_upper[0, 0]
+    proofs = []
+    proved = holding.prove
+    monkeypatch.setattr(holding, "prove", lambda *a: proofs.append(1) or proved(*a))
+    width, idle = high - low, gear["ratio"] * gear["no_load_torque"]
+    for torque in (
+        low - 1e-3 * width,
+        low + 1e-3 * width,
+        high - 1e-3 * width,
+        high + 1e-3 * width,
+    ):
+        proofs.clear()
+        hold = pf.holds(scene, q, motor_torque=[torque])
+        assert len(proofs) <= 200
+        assert hold.held == (low <= torque <= high)
+        assert hold.proved
+        assert hold.held == (hold.use <= 1.0)
+        assert hold.at_limit
+        u, (ahead, back) = gear["ratio"] * torque, (gear["efficiency"], gear["back_efficiency"])
+        ends = [ahead * (u - idle), (u - idle) / back, ahead * (u + idle), (u + idle) / back]
+        for t in (*ends, *np.linspace(2 * mine[0] - mine[1], 2 * mine[1] - mine[0], 5)):
+            lower, upper = min(t / ahead, back * t) - idle, max(t / ahead, back * t) + idle
+            if lower <= u <= upper:
+                least = pf.holds(scene, q, effort=[t]).use
+                assert hold.use <= max(1.0, least) * (1 + 1e-5)
