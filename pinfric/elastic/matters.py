@@ -11,6 +11,8 @@ from pinfric.motions.summary import ends_by_magnitude, known_rms
 
 #: The part of a motion's accelerations below its bandwidth.
 _INSIDE = 0.95
+#: Equal steps of a motion whose spectrum is taken: of longer ones long rests count in part.
+_MOST_STEPS = 2**20
 
 
 @described
@@ -75,11 +77,18 @@ def bandwidth(t: np.ndarray, a: np.ndarray) -> float:
     """Return the frequency, Hz, below which 95 % of the energy of accelerations lies; 0 without
     motion.
 
+    At equal steps as long as the shortest; the last one may be shorter.
+
     Args:
-        t: (T,) s, of any steps.
+        t: (T,) s, of any steps, 3 or more.
         a: (T, nv), each column is divided by its RMS.
     """
-    even = np.linspace(t[0], t[-1], len(t))
+    steps = np.diff(t)
+    step = steps[:-1].min()
+    if t[-1] - t[0] > _MOST_STEPS * step:  # at rest nothing moves: shorter, it says the same
+        t = np.append(0.0, np.cumsum(np.minimum(steps, step * max(_MOST_STEPS // len(t), 1))))
+    count = int(np.ceil((t[-1] - t[0]) / step - 1e-6)) + 1
+    even = np.linspace(t[0], t[-1], count)
     columns = np.column_stack([np.interp(even, t, column) for column in a.T])
     size = np.sqrt((columns**2).mean(axis=0))
     moving = columns[:, size > 0.0] / size[size > 0.0]

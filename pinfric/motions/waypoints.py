@@ -41,24 +41,22 @@ from pinfric.model.entry import (
     optional,
     parse,
 )
+from pinfric.model.magnitudes import LONGEST_TIME
 from pinfric.model.schema import Moments
 from pinfric.model.yamlfile import read_yaml
 from pinfric.motions.joint_columns import JointColumn, limit_problems, refuse
 from pinfric.motions.log.reading import ANGLE_UNITS
+from pinfric.motions.sample_times import same_instant, sample_times
 from pinfric.motions.table import TrajectoryTable
 
 if TYPE_CHECKING:
     from scipy.interpolate import BSpline
 
 
-#: s; instants closer than this are one: sums of durations carry rounding.
-_SAME_INSTANT = 1.0e-9
 #: A move sampled more coarsely than this is a jump: its velocities fall between the samples.
 _MIN_PERIODS = 4
 #: More points than this are a log: reading them as YAML takes 0.3 ms each.
 _MOST_POINTS = 10_000
-#: More samples than this are a mistyped rate or duration, not a motion.
-_MAX_SAMPLES = 20_000_000
 
 
 def _as_names(value: Any) -> Any:
@@ -230,6 +228,12 @@ class Move:
         """The instant the hold ends, s."""
         return self.arrival + self.hold
 
+    @property
+    def rests(self) -> list[tuple[float, float]]:
+        """When nothing moves, s: the hold, and a move to where the robot is."""
+        still = self.line is None and bool((self.begin == self.end).all())
+        return [(self.start, self.arrival)] * still + [(self.arrival, self.departure)]
+
 
 def quintic(s: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return b, db/ds, d2b/ds2 of b = 10 s^3 - 15 s^4 + 6 s^5, which goes from rest to rest.
@@ -286,7 +290,7 @@ def sample_waypoints(
     source: str,
     lines: Mapping[int, BSpline] | None = None,
 ) -> TrajectoryTable:
-    """Turn way-points into samples at `sample_rate`; the end is a sample too, on the grid or not.
+    """Turn way-points into samples at `sample_rate`, of long holds fewer (`sample_times`).
 
     v = a = 0 exactly in holds, both ends included. Without a hold, the sample on a point takes the
     acceleration of the move that follows.
@@ -307,17 +311,12 @@ def sample_waypoints(
     moves = _plan_moves(waypoints, stops, columns, problems, lines or {})
     refuse(source, problems)
     end, rate = moves[-1].departure, waypoints.sample_rate
-    if end * rate > _MAX_SAMPLES:
-        raise TrajectoryError(
-            f"{source}: {end:g} s at sample_rate {rate:g} Hz are {end * rate:.3g} samples; at most "
-            f"{_MAX_SAMPLES} are made: lower the rate or check the durations"
-        )
-    t = np.arange(math.floor(end * rate + 1.0e-6) + 1) / rate
-    t = t if end - t[-1] <= _SAME_INSTANT else np.append(t, end)
-    arrivals = [np.searchsorted(t, move.arrival - _SAME_INSTANT) for move in moves]
+    rests = (rest for move in moves for rest in move.rests)
+    t, close = sample_times(end, rate, rests, source), same_instant(end)
+    arrivals = [np.searchsorted(t, move.arrival - close) for move in moves]
     phase = np.searchsorted(arrivals, np.arange(t.size), side="right") - 1
     attached = dict(zip(payloads, carried_on(waypoints, payloads)[phase].T, strict=True))
-    motion = _sample_moves(moves, t, waypoints)
+    motion = _sample_moves(moves, t, waypoints, close)
     return TrajectoryTable(t, *motion, attached, np.zeros(len(columns)))
 
 
@@ -482,21 +481,21 @@ def _shortest_duration(
         return 0.0
     peak = 15.0 / 8.0 if waypoints.profile == "quintic" else 1.0 / (1.0 - _ramp(waypoints))
     shortest = float(np.max(peak * distance / (waypoints.speed * velocity_limits), initial=0.0))
-    if shortest * waypoints.sample_rate > _MAX_SAMPLES:
+    if shortest > LONGEST_TIME:
         return shortest  # refused where the samples are made
     periods = math.ceil(shortest * waypoints.sample_rate - 1.0e-9)
     return max(periods, _MIN_PERIODS) / waypoints.sample_rate
 
 
 def _sample_moves(
-    moves: Sequence[Move], t: FloatArray, waypoints: WayPointFile
+    moves: Sequence[Move], t: FloatArray, waypoints: WayPointFile, close: float
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     position = np.empty((t.size, moves[0].end.size))
     velocity, acceleration = np.zeros_like(position), np.zeros_like(position)
     for index, move in enumerate(moves):
         is_last = index == len(moves) - 1
-        next_start = 0 if index == 0 else _first_moving_sample(moves[index - 1], t)
-        arrival = int(np.searchsorted(t, move.arrival - _SAME_INSTANT))
+        next_start = 0 if index == 0 else _first_moving_sample(moves[index - 1], t, close)
+        arrival = int(np.searchsorted(t, move.arrival - close))
         moving = slice(next_start, arrival)
         if move.duration > 0.0:
             s = np.clip((t[moving] - move.start) / move.duration, 0.0, 1.0)
@@ -513,11 +512,10 @@ def _sample_moves(
                 position[moving] = move.begin + np.outer(b, way)
                 velocity[moving] = np.outer(rate, way)
                 acceleration[moving] = np.outer(curvature, way)
-        position[arrival : t.size if is_last else _first_moving_sample(move, t)] = move.end
+        position[arrival : t.size if is_last else _first_moving_sample(move, t, close)] = move.end
     return position, velocity, acceleration
 
 
-def _first_moving_sample(move: Move, t: FloatArray) -> int:
+def _first_moving_sample(move: Move, t: FloatArray, close: float) -> int:
     """First sample of the next move; a hold's last instant still belongs to it."""
-    shift = _SAME_INSTANT if move.hold > 0.0 else -_SAME_INSTANT
-    return int(np.searchsorted(t, move.departure + shift))
+    return int(np.searchsorted(t, move.departure + (close if move.hold > 0.0 else -close)))

@@ -16,13 +16,12 @@ from itertools import pairwise
 import numpy as np
 
 from pinfric.motions.joint_columns import JointColumn
+from pinfric.motions.sample_times import same_instant, sample_times
 from pinfric.retiming.path import Path
 from pinfric.retiming.tables import Grid
 
 #: Below this w^2 t^2 the series are more exact than the functions.
 _SERIES = 1.0e-6
-#: s; instants closer than this are one.
-_SAME_INSTANT = 1.0e-9
 #: Part of (z_a + z_b)^2 from which on an interval is never passed, to rounding.
 _STALLS = 1.0e-9
 #: Of the quadrature of a moving mean.
@@ -141,7 +140,8 @@ class RetimedSamples:
 
 
 def sample(path: Path, profile: Profile, rate: float, smooth: float = 0.0) -> RetimedSamples:
-    """Return the motion at `rate` (Hz), its end included; v = a = 0 at stops and in holds.
+    """Return the motion at `rate` (Hz), its end included; v = a = 0 at stops and in holds, of which
+    long ones have fewer samples (`sample_times`).
 
     At a stop without a hold the acceleration is that of the move that follows.
 
@@ -152,19 +152,19 @@ def sample(path: Path, profile: Profile, rate: float, smooth: float = 0.0) -> Re
     duration = profile.duration + smooth
     departs = np.cumsum(np.array(path.holds[:-1]) + np.concatenate(([0.0], duration[:-1])))
     end = departs[-1] + duration[-1] + path.holds[-1]
-    t = np.arange(int(np.floor(end * rate + 1e-6)) + 1) / rate
-    if end - t[-1] > _SAME_INSTANT:
-        t = np.append(t, end)
+    arrives = np.append(0.0, departs + duration)
+    rests = zip(arrives.tolist(), (arrives + path.holds).tolist(), strict=True)
+    t, close = sample_times(float(end), rate, rests, path.source), same_instant(float(end))
     n, nj = len(path.pieces), path.nj
     q, v, a = np.empty((len(t), nj)), np.zeros((len(t), nj)), np.zeros((len(t), nj))
     s, speed, moving = np.zeros(len(t)), np.zeros(len(t)), np.zeros(len(t), dtype=bool)
-    of = np.searchsorted(departs + duration, t + _SAME_INSTANT, side="right")
+    of = np.searchsorted(departs + duration, t + close, side="right")
     for p in range(n + 1):
         here = of == p
         q[here] = path.stop(p)
         if p == n:
             break
-        here &= t >= departs[p] - (_SAME_INSTANT if path.holds[p] == 0.0 else -_SAME_INSTANT)
+        here &= t >= departs[p] - (close if path.holds[p] == 0.0 else -close)
         place, z, u = _smoothed(profile, p, np.maximum(t[here] - departs[p], 0.0), smooth)
         curve = path.pieces[p]
         first = curve(place, 1)
