@@ -195,6 +195,7 @@ def numbers(element: ElementTree.Element | None, key: str) -> list[float]:
 
 
 @lru_cache(maxsize=512)
+@np.errstate(all="ignore")  # of corners that are no numbers, which are refused below
 def _mesh(path: Path) -> _Shape | str:
     """A mesh in m, before the URDF's scale, or why it cannot be read."""
     from scipy.spatial import ConvexHull

@@ -170,8 +170,11 @@ def test_a_name_that_is_none_or_a_folders(given, words, tmp_path, monkeypatch, c
     assert error.startswith(f"pinfric: error: {words}")
 
 
-@pytest.mark.parametrize("corner", ["nan 0 0", "inf 0 0", "1e308 1e308 0", "0.1 0"])
-def test_a_mesh_that_is_nowhere_costs_no_more_than_itself(corner, tmp_path, monkeypatch, capsys):
+@pytest.mark.filterwarnings("always::RuntimeWarning")
+@pytest.mark.parametrize("corner", ["nan 0 0", "inf 0 0", "0 0 1e400", "1e308 1e308 0", "0.1 0"])
+def test_a_mesh_that_is_nowhere_costs_no_more_than_itself(
+    corner, tmp_path, monkeypatch, capsys, recwarn
+):
     solid = "solid part\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 0 0.1 0\n"
     (tmp_path / "part.stl").write_text(
         f"{solid}vertex {corner}\nendloop\nendfacet\nendsolid part\n"
@@ -185,3 +188,4 @@ def test_a_mesh_that_is_nowhere_costs_no_more_than_itself(corner, tmp_path, monk
     (line,) = said.err.splitlines()
     assert line.startswith("pinfric: warning: ")
     assert "part.stl" in line
+    assert [w for w in recwarn if issubclass(w.category, RuntimeWarning)] == []  # of NumPy
