@@ -16,6 +16,10 @@ from pinfric.dynamics.simulation.system import finite
 from pinfric.errors import SimulationError
 from pinfric.friction.problem import GivenModes
 
+#: Of SciPy's steps for differences, relative to the state. In each Jacobian it makes a step tenfold
+#: where a difference is 0, as for the place of a prismatic joint: in the end to infinity.
+_LARGEST_STEP = 1e-3
+
 
 class RegularizedIntegration(Integration):
     """One simulation with smoothed friction."""
@@ -64,6 +68,8 @@ class RegularizedIntegration(Integration):
                 message = solver.step()
             if solver.status == "failed":
                 raise SimulationError(f"at t = {solver.t:.9g} s the integration fails: {message}")
+            if solver.jac_factor is not None:
+                solver.jac_factor = np.minimum(solver.jac_factor, _LARGEST_STEP)
             polynomial = solver.dense_output()
             for time in self.record.due(solver.t_old, solver.t):
                 self._sample(time, polynomial(time))

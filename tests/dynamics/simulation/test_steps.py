@@ -1,4 +1,5 @@
 import numpy as np
+import pinocchio as pin
 import pytest
 from builders import plane_friction, sliding_block
 from simulation_cases import G, arm
@@ -92,6 +93,54 @@ def test_regularized_creeps_as_predicted():
     speed = velocity * np.arctanh(torque / limit)
     np.testing.assert_allclose(motion.q[-1], 100 * speed, rtol=1e-3)
     assert (motion.q[-1] > 1e-5).all()
+
+
+def scaled_drawer(factor):
+    """The bundled drawer with its lengths times a factor; in time it is sqrt(factor) slower."""
+    scene = pf.load_scene("drawer")
+    model = scene.model.copy()
+    body = model.inertias[1]
+    model.inertias[1] = pin.Inertia(body.mass, factor * body.lever, factor**2 * body.inertia)
+    model.lowerPositionLimit[:], model.upperPositionLimit[:] = -np.inf, np.inf
+    push = [-0.15 * factor, 0.2 * factor, 0.0]
+    bearing = {"kind": "guide", "length": 0.3 * factor}
+    return pf.Scene(
+        model=model,
+        friction={"slide": {"bearing": bearing, "mu": {"static": 0.5, "kinetic": 0.4}}},
+        actuators=[
+            {"force": {"name": "push", "link": "drawer", "xyz": push, "direction": [1.0, 0, 0]}}
+        ],
+    )
+
+
+@pytest.mark.parametrize("method", ["event", "timestepping", "regularized"])
+def test_a_drawer_of_other_lengths_moves_alike(method):
+    """For 3 s: SciPy's steps for differences grew to infinity, as the place changes no force."""
+    given = {
+        "event": lambda factor: {"atol": 1e-10 * factor},
+        "timestepping": lambda factor: {"dt": 1e-3 * factor**0.5},
+        "regularized": lambda factor: {
+            "atol": 1e-10 * factor,
+            "regularization_velocity": 1e-3 * factor**0.5,
+        },
+    }[method]
+
+    def place(factor):
+        slower = factor**0.5
+
+        def push(t, q, v):
+            return np.array([28.0 * np.sin(6.0 / slower * t)])
+
+        start = [0.0], [0.0], push, 3.0 * slower, method
+        numbers = given(factor) | {"sample_step": 0.03 * slower}
+        motion = pf.simulate(scaled_drawer(factor), *start, **numbers)
+        times = np.linspace(0.0, 3.0, 101) * slower
+        return np.interp(times, motion.t, motion.q[:, 0]) / factor
+
+    expected = place(1.0)
+    assert np.ptp(expected) > 0.04
+    for factor in (0.01, 3.0):
+        np.testing.assert_allclose(place(factor), expected, atol=1e-6)
 
 
 # Scene run: the `simulation` section of a scene file, run.
