@@ -11,6 +11,7 @@ import math
 import os
 import shlex
 import sys
+import tempfile
 import time
 import warnings
 from collections.abc import Callable, Sequence
@@ -50,8 +51,9 @@ from pinfric.terminal import (
 #: Exit codes: what was given is wrong; a defect of pinfric (sysexits.h's EX_SOFTWARE); stopped by
 #: Ctrl-C. (`terminal.NO_READER`: the reader of our output left.)
 BAD_INPUT, INTERNAL_ERROR, INTERRUPTED = 2, 70, 130
-#: Letters of a line at most. Bytes of address space with which all modules can be loaded.
-_WIDEST, _MEMORY = 1000, 10**9
+#: Letters of a line at most, and where none are given. Bytes of address space with which all
+#: modules can be loaded.
+_WIDEST, _WIDE, _MEMORY = 1000, 80, 10**9
 
 #: Files that a command writes with --out, by name, as `model.files.Writer`.
 Files = dict[str, str | Callable[[Path], object]]
@@ -1012,8 +1014,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
             stream.reconfigure(errors="replace")
     run.begin(sys.argv[1:] if arguments is None else list(arguments))
     os.environ["MPLBACKEND"] = "agg"  # pictures are written, never shown
-    if os.environ.get("COLUMNS", "").isdecimal():  # rich fills so many letters
-        os.environ["COLUMNS"] = str(min(int(os.environ["COLUMNS"]), _WIDEST))
+    if (
+        columns := os.environ.get("COLUMNS", "")
+    ).isdecimal():  # rich fills so many, or says nothing
+        os.environ["COLUMNS"] = str(int(min(float(columns) or _WIDE, _WIDEST)))
     with warnings_as_notices(), running_command():
         # the flags that all commands take go before the command: people write them at the end
         known = ("-q", "--quiet", "-v", "--verbose", "--overwrite")
@@ -1062,6 +1066,10 @@ def _environment() -> str:
         os.getcwd()
     except FileNotFoundError:
         return "the working folder was removed; change to one that is there"
+    try:
+        tempfile.gettempdir()
+    except FileNotFoundError:
+        return "no folder for temporary files can be written; name one that can: TMPDIR"
     most = resource.getrlimit(resource.RLIMIT_AS)[0]
     if most != resource.RLIM_INFINITY and most < _MEMORY:
         return (

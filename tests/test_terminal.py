@@ -172,6 +172,8 @@ def test_impossible_numbers_of_threads_are_named(threads, files, capsys, monkeyp
         ("ulimit -v 400000;", "pinfric: error: memory is limited to 410 MB"),
         ("mkdir gone; cd gone; rmdir ../gone;", "pinfric: error: the working folder was removed"),
         ("export MPLBACKEND=nonsense COLUMNS=999999999;", ""),
+        ("export NUMBA_DISABLE_JIT=1;", "pinfric: error: NUMBA_DISABLE_JIT=1: "),
+        ("ulimit -f 0;", "pinfric: error: no folder for temporary files can be written; name"),
     ],
 )
 def test_surroundings_end_in_one_line_or_do_no_harm(before, said, files):
@@ -279,6 +281,12 @@ def test_a_file_name_cannot_break_the_line(command, tmp_path, capsys):
     error = refused(capsys, command, name, *more)
     assert error.strip().isprintable()
     assert r"no\nsuch\x1b[31m\rfile" in error
+
+
+@pytest.mark.parametrize("columns", ["0", "000", "9" * 5000])
+def test_a_terminal_of_no_or_endless_width_gets_the_table(columns, capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", columns)
+    assert "\njoint_1 " in told(capsys, "inverse", "pendulum", "pendulum").out
 
 
 # The start of a process: help without heavy imports.

@@ -64,8 +64,10 @@ def check_numba(version: str) -> None:
     """Warn of a version of numba that was not tested; refuse one that cannot work.
 
     Raises:
-        PinfricError: a part of numba that this module uses is missing.
+        PinfricError: a part of numba that this module uses is missing, or switched off.
     """
+    if numba.config.DISABLE_JIT:  # type: ignore[attr-defined]
+        raise PinfricError("NUMBA_DISABLE_JIT=1: kernels cannot be interpreted for good; unset it")
     first, last = (".".join(map(str, end)) for end in _TESTED)
     what = f"numba {version}: pinfric is tested with numba>={first},<{last}"
     missing = [

@@ -431,6 +431,12 @@ def test_a_numba_without_what_the_cache_builds_on_is_refused(monkeypatch):
     assert "numba>=0.61,<0.69" in text
 
 
+def test_a_numba_that_compiles_nothing_is_refused(monkeypatch):
+    monkeypatch.setattr("numba.config.DISABLE_JIT", 1)
+    with pytest.raises(PinfricError, match="NUMBA_DISABLE_JIT=1"):
+        check_numba("0.68.1")
+
+
 def test_the_package_asks_for_the_versions_that_are_tested():
     (line,) = re.findall(r'"(numba>[^"]*)"', (ROOT / "pyproject.toml").read_text())
     with pytest.warns(PinfricWarning) as said:
