@@ -362,7 +362,7 @@ def test_what_one_way_to_hold_leaves_open_is_not_refuted(monkeypatch):
         (doubt, None, False),
         (bound, False, False),
     ):
-        left = [nothing, second]
-        monkeypatch.setattr(holds_module, "_decide", lambda *_, left=left: left.pop(0))
+        ends = [(verdict, np.zeros(1)) for verdict in (nothing, second)]
+        monkeypatch.setattr(holds_module, "_decide", lambda *_, ends=ends: ends.pop(0))
         found = pf.holds(scene, [0.2], motor_torque=[1.1 * high])
-        assert (found.held, found.proved, left) == (held, proved, [])
+        assert (found.held, found.proved, ends) == (held, proved, [])
