@@ -1,4 +1,4 @@
-"""A replay's page in a real browser: what it draws at which time, and its controls."""
+"""A replay's page in a real browser: what it draws at which time, and its controls; names."""
 
 import io
 import json
@@ -11,6 +11,7 @@ import pytest
 from builders import chain
 
 import pinfric as pf
+from pinfric.show.pages.stop import stop_page
 from pinfric.show.replay.markers import COLORS
 from pinfric.show.replay.stage import SEGMENTS, SIDES
 
@@ -32,7 +33,7 @@ pytestmark = [
 #: What the tests ask the page: objects of the scene tree, texts, and time in a test's hands.
 ASKED = """
 window.node = (path) => replay.viewer.scene_tree.find(['meshcat', ...path.split('/')]).object;
-window.site = (name) => node('world/joint_12/site joint_12/' + name);
+window.site = (name) => node('world/2 joint_12/site joint_12/' + name);
 window.ring = () => '#' + site('ring/<object>').material.color.getHexString().toUpperCase();
 window.arc = (end) => site('arc_' + end).visible
   ? site('arc_' + end + '/body/<object>').geometry.drawRange.count : 0;
@@ -56,8 +57,7 @@ window.own_clock = () => {
 
 
 @pytest.fixture(scope="module")
-def opened(tmp_path_factory):
-    """Opens a file: the browser with its page, ready for questions."""
+def browser(tmp_path_factory):
     webdriver = pytest.importorskip("selenium.webdriver", reason="pip install selenium")
     from selenium.webdriver.chrome.service import Service
 
@@ -67,6 +67,14 @@ def opened(tmp_path_factory):
         options.add_argument(flag)
     options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
     driver = webdriver.Chrome(options=options, service=Service(DRIVER))
+    yield driver
+    driver.quit()
+
+
+@pytest.fixture(scope="module")
+def opened(browser):
+    """Opens a file: the browser with its page, ready for questions."""
+    driver = browser
 
     def load(file):
         driver.get(file.as_uri())
@@ -79,8 +87,7 @@ def opened(tmp_path_factory):
         assert [x for x in driver.get_log("browser") if x["level"] != "INFO"] == []
         return driver
 
-    yield load
-    driver.quit()
+    return load
 
 
 def wait_for(page, script):
@@ -143,7 +150,7 @@ def test_the_slider_moves_the_robot_its_arcs_and_its_arrow(three_link, sample):
     scene, result, page = three_link
     found = page.execute_script(
         "const s = document.getElementById('slider'); s.value = arguments[0];"
-        "s.dispatchEvent(new Event('input')); const joint = node('world/joint_12');"
+        "s.dispatchEvent(new Event('input')); const joint = node('world/2 joint_12');"
         "const force = document.getElementById('show-forces'); if (!force.checked) force.click();"
         "return [replay.time(), [...joint.position.toArray(), ...joint.quaternion.toArray()],"
         "along(), [arc('plus'), arc('minus')]]",
@@ -196,12 +203,29 @@ def test_the_robot_and_its_sticking_are_seen_in_the_pixels(three_link):
     assert orange > 300 > 10 * ((red > 190) & (abs(green - 158) < 40) & (blue < 60)).sum()
 
 
+NAMES = [
+    '<b>&" onclick="x',
+    "<img src=x onerror=alert(1)>",
+    "</script>a/b",
+    "<object>",
+    "constructor",  # of JavaScript's own objects
+    "__proto__",
+    "</script>a|b",  # beside a/b: a node of its own
+    "a\nb",
+    "..",
+    "{{7*7}}",
+    "n" * 300,
+    "\N{RIGHT-TO-LEFT OVERRIDE}\N{HEBREW LETTER ALEF}",
+    "関節\u2028\U0001f9be",
+    " ",
+]
+
+
 def test_names_are_text_whatever_is_in_them(opened, tmp_path):
-    names = ['<b>&" onclick="x', "<img src=x onerror=alert(1)>", "</script>a/b", "<object>"]
     link = pin.JointModelRY(), pin.Inertia.FromBox(1.0, 0.3, 0.1, 0.1), [0.3, 0.0, 0.0]
-    model = chain(*((name, *link) for name in names))
-    scene = pf.Scene(model, friction={name: {"viscous": 0.1} for name in names})
-    v = np.ones((51, 4))
+    model = chain(*((name, *link) for name in NAMES))
+    scene = pf.Scene(model, friction={name: {"viscous": 0.1} for name in NAMES})
+    v = np.ones((51, len(NAMES)))
     result = pf.inverse_dynamics(scene, 0 * v, v, 0 * v, t=np.linspace(0.0, 1.0, 51))
     page = opened(pf.replay(scene, result, html=tmp_path / "names.html").html)
     titles, labels, elements, inside = page.execute_script(
@@ -212,4 +236,29 @@ def test_names_are_text_whatever_is_in_them(opened, tmp_path):
         "const r = x.getBoundingClientRect(); return r.left >= box.left && r.right <= box.right &&"
         "r.top >= box.top && r.bottom <= box.bottom; })]"
     )
-    assert (titles, labels, elements, inside) == (names, names, 0, True)
+    assert (titles, labels, elements, inside) == (NAMES, NAMES, 0, True)
+    assert page.execute_script("return document.documentElement.scrollWidth - innerWidth") <= 0
+
+
+def test_names_of_a_report_are_text_and_keep_its_width(browser, tmp_path):
+    brake = {"torque": 20.0, "engage_time": 0.02}
+    drive = {"ratio": 1.0, "rotor_inertia": 0.01, "brake": brake}
+    names = (NAMES[1], NAMES[10])
+    scene = pf.Scene(
+        chain(*((name, pin.JointModelRZ(), pin.Inertia.FromBox(1, 1, 1, 1)) for name in names)),
+        actuators=[{"joint": name, "transmission": drive} for name in names],
+        stops={"category": 0, "reaction_time": 0.01},
+    )
+    t = np.linspace(0.0, 1.0, 9)
+    v = np.outer(np.sin(np.pi * t), [1.0, 1.0])
+    a = np.pi * np.outer(np.cos(np.pi * t), [1.0, 1.0])
+    motion = pf.Trajectory.from_arrays(scene, t, (1.0 - a / np.pi) / np.pi, v, a)
+    (tmp_path / "stops.html").write_text(stop_page(pf.stop(scene, motion)), encoding="utf-8")
+    browser.get((tmp_path / "stops.html").as_uri())
+    found = browser.execute_script(
+        "const all = (x) => [...document.querySelectorAll(x)];"
+        "return [all('nav a').map((x) => x.textContent), all('img, [onerror]').length,"
+        "document.documentElement.scrollWidth - innerWidth]"
+    )
+    assert found[:2] == [list(names), 0]
+    assert found[2] <= 0

@@ -107,7 +107,8 @@ def set_stage(viewer: Any, scene: Scene, placements: np.ndarray) -> Stage:
     seen = seen @ upright.T
     size = max(float(np.median(np.linalg.norm(np.ptp(seen, axis=1), axis=1))), 1e-3)
     # 2. The world, and a node for each joint with its shapes
-    nodes = ("world", *(f"world/{_node(name)}" for name in scene.joint_names))
+    named = enumerate(scene.joint_names, 1)  # a number, or "constructor" were JavaScript's own
+    nodes = ("world", *(f"world/{j} {_node(name)}" for j, name in named))
     world = np.eye(4)
     world[:3, :3] = upright
     viewer["world"].set_transform(world)
@@ -180,7 +181,7 @@ def animate(viewer: Any, stage: Stage, frames: Frames) -> None:
 
 
 def _node(name: str) -> str:
-    return name.replace("/", "|") or "joint"
+    return name.replace("/", "|")
 
 
 def _act(placements: np.ndarray, joint: int, points: np.ndarray) -> np.ndarray:

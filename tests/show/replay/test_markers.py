@@ -46,8 +46,8 @@ def test_force_drive_is_drawn_with_its_tip_where_it_pushes():
     for command in map(umsgpack.unpackb, window.commands):
         if command["type"] == "set_transform":
             placed[command["path"]] = np.reshape(command["matrix"], (4, 4)).T
-    arrow = placed["/meshcat/world/slide/drive push"]
-    head = placed["/meshcat/world/slide/drive push/head"]
+    arrow = placed["/meshcat/world/1 slide/drive push"]
+    head = placed["/meshcat/world/1 slide/drive push/head"]
     assert_allclose(arrow[:3, 2], [1, 0, 0], atol=1e-6)
     begin = (arrow @ head @ [0, 0, 0, 1])[:3]  # of the head, which ends at the point
     assert begin[0] < -0.15
