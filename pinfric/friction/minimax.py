@@ -20,7 +20,8 @@ def least_violation(
     """Write a z with the least m such that G z + h <= m s, |z_j| <= reach; return a bound of m.
 
     Simplex on the dual, max h^T y - reach |G^T y|_1 with s^T y = 1, y >= 0: the worst row and sides
-    of the box are a feasible basis at once. Every y bounds m from below (weak duality).
+    of the box are a feasible basis at once. Every y bounds m from below (weak duality), also one
+    that pivots on nearly nothing have worn.
 
     Args:
         G, h, s: (>= rows, dz), (>= rows,), (>= rows,), s > 0.
@@ -51,10 +52,32 @@ def least_violation(
         exchange(T, value, y, leave, enter)
         basis[leave] = enter
     write_vertex(G, h, s, rows, reach, basis, z)
-    bound = 0.0
-    for j in range(dz + 1):
-        bound += y[j] * (h[basis[j]] if basis[j] < rows else -reach)
-    return bound
+    return _checked_bound(G, h, s, rows, reach, basis, y)
+
+
+@kernel
+def _checked_bound(
+    G: np.ndarray,
+    h: np.ndarray,
+    s: np.ndarray,
+    rows: int,
+    reach: float,
+    basis: np.ndarray,
+    y: np.ndarray,
+) -> float:
+    """Return the bound of m that the y (dz + 1,) of the rows in the basis prove as they are."""
+    dz, weight, bound = y.size - 1, 0.0, 0.0
+    for i in range(dz + 1):
+        if basis[i] < rows:
+            weight += s[basis[i]] * y[i]
+            bound += h[basis[i]] * y[i]
+    for j in range(dz):
+        along = 0.0
+        for i in range(dz + 1):
+            if basis[i] < rows:
+                along += G[basis[i], j] * y[i]
+        bound -= reach * abs(along)
+    return bound / weight if weight > 0.0 else -np.inf
 
 
 @kernel

@@ -3,14 +3,15 @@
 At rest stick has priority: the search is for the consistent modes with the fewest slipping joints.
 Two different accelerations with equally few are ambiguous, unless exactly one of them lets all
 joints stick that were sticking until now. Of up to `MOST_ENUMERATED` joints that depend on each
-other (`islands`) all modes that kinematics allows are tried (`ways`). Beyond that, modes are
-followed from all stick: others may exist (`notebooks/theory/resting.md`). After `MOST_PASSES`
-passes of its solves a search is `UNDECIDED`.
+other (`islands`) all modes that kinematics allows are tried (`ways`), in open chains all that
+linear programs do not refute (`tree`). Beyond that, modes are followed from all stick: others may
+exist (`notebooks/theory/resting.md`). After `MOST_PASSES` passes of its solves a search is
+`UNDECIDED`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -18,7 +19,6 @@ import numpy as np
 
 from pinfric.friction.balance import FITS, RANK
 from pinfric.friction.balls import TURNED, turn_balls
-from pinfric.friction.certificate import Ball, kinetic
 from pinfric.friction.gears import (
     choices_of_lines,
     fit,
@@ -33,15 +33,18 @@ from pinfric.friction.problem import Modes, Problem, SearchOutcome
 from pinfric.friction.rest import Mechanism, solve_modes
 from pinfric.friction.several import find_all
 from pinfric.friction.smoothing import guess_modes
+from pinfric.friction.tree import Tree
 from pinfric.friction.ways import PossibleWays, Ways
 
 #: Up to this number of joints at rest all modes are tried: 3^8 = 6561 solves.
 MOST_ENUMERATED = 8
-#: All modes of up to so many joints are tried in less time than the ball of their answers takes.
+#: All modes of up to so many joints are tried in less time than a tree of them takes.
 _FEW = 2
 #: Passes of all solves of a search, a few seconds once compiled. A solve takes one pass in an open
 #: chain, three in a mechanism, more where friction is shared.
 MOST_PASSES = 20_000
+#: Passes in the modes that a tree leaves; then pivoting is tried.
+_IN_TREE = 5_000
 #: Accelerations closer than this, relative to their size, are the same one.
 _SAME = 1e-6
 #: Outcomes of a search that found no answer.
@@ -300,10 +303,10 @@ def _search_resting(query: _Query, forced: Ways, held: np.ndarray | None) -> Sea
     if not rests.any():
         query.count.tried += 1
         return query.end(*query.solve())
-    if not mechanism.closed and not forced and rests.sum() > _FEW:
-        certain = _in_ball(query, held)
-        if certain is not None:
-            return certain
+    if not (mechanism.closed or mechanism.ball.any()) and rests.sum() > _FEW:
+        outcome = _in_tree(query, forced, held)
+        if outcome is not None:
+            return outcome
     if len(mechanism.joints(rests)) > MOST_ENUMERATED:
         return _pivot(query, forced)
     possible = PossibleWays(query.problem, mechanism, rests.copy())
@@ -319,52 +322,36 @@ def _search_resting(query: _Query, forced: Ways, held: np.ndarray | None) -> Sea
     return outcome
 
 
-def _in_ball(query: _Query, held: np.ndarray | None) -> SearchOutcome | None:
-    """Search an open chain among the answers in its `certificate.Ball`; None: nothing proved."""
-    problem, modes, mechanism = query.problem, query.modes, query.mechanism
-    rests, limits = modes.at_rest.copy(), kinetic(problem, modes.at_rest)
-    if limits is None:
+def _in_tree(query: _Query, forced: Ways, held: np.ndarray | None) -> SearchOutcome | None:
+    """Search an open chain without balls among the modes of its `tree.Tree`; None: too many."""
+    problem, modes, rests = query.problem, query.modes, query.modes.at_rest.copy()
+    if (modes.stuck & ~rests).any():
         return None
-    _stick(modes, mechanism, {})
-    query.count.tried += 1
-    solutions, obeying = query.solve()
-    if modes.figures[0] >= 1.0:
+    if not forced:  # all stick, or what is the only answer
+        _stick(modes, query.mechanism, {})
+        if _has_one_answer(problem, rests):
+            return _follow(query, set())
+        query.count.tried += 1
+        solutions, obeying = query.solve()
+        if obeying:
+            return query.end(solutions, obeying)
+    tree = Tree(problem, rests, modes.direction)
+    if not tree.ends:
         return None
-    if obeying:
-        return query.end(solutions, obeying)
+    query.passes = _IN_TREE
+    outcome = _enumerate(query, tree.levels(forced), forced, held)
+    if tree.complete and outcome != SearchOutcome.UNDECIDED:
+        return outcome
+    query.passes = MOST_PASSES
+    return None
 
-    def follow() -> bool:
-        sub = _Query(limits, modes, mechanism, SearchStatistics())
-        solved = _follow(sub, set()) == SearchOutcome.SOLVED
-        query.count.tried += sub.count.tried
-        return solved
 
-    if not follow():
-        return None
-    ball, failed = Ball(problem, limits, centre := modes.copy(), rests), False
-
-    def ways(sets: list[np.ndarray]) -> Iterator[Ways]:
-        nonlocal failed
-        for slipping in sets:
-            modes.take(centre)
-            moving = slipping[~centre.stuck[slipping]].tolist()
-            _stick(modes, mechanism, {c: centre.direction[c] for c in moving})
-            modes.at_rest[:] = False
-            modes.at_rest[slipping] = True
-            if (modes.stuck != centre.stuck).any() and not follow():
-                failed = True
-            slips, modes.at_rest[:] = not modes.stuck[slipping].any(), rests
-            if slips:
-                yield dict(zip(slipping.tolist(), modes.direction[slipping].tolist(), strict=True))
-
-    if not ball.sure:
-        return None
-    query.several = False  # in given modes there is one solution
-    outcome = SearchOutcome.NONE if ball.open.size else query.end(*query.solve())
-    if outcome != SearchOutcome.SOLVED:
-        outcome = _enumerate(query, (list(ways(sets)) for sets in ball.sets()), {}, held)
-    query.several = True
-    return None if failed or outcome in _NOTHING else outcome
+def _has_one_answer(problem: Problem, at_rest: np.ndarray) -> bool:
+    """Whether friction that no load changes is the same at rest as in motion: pivoting finds it."""
+    loaded = (problem.mu_stick + problem.mu_slip)[problem.contact_entry].any()
+    rests = at_rest[problem.coordinate]
+    same = (problem.coulomb_stick == problem.coulomb_slip)[rests].all()
+    return not (loaded or len(problem.gear_rotor) or problem.drag[rests].any()) and bool(same)
 
 
 def _pivot(query: _Query, forced: Ways) -> SearchOutcome:

@@ -12,17 +12,17 @@ from friction_cases import (
     plain_loads,
     plain_solve,
     random_problem,
-    strong_problem,
 )
 from scipy.optimize import brentq, lsq_linear
 
 from pinfric.friction import search
-from pinfric.friction.certificate import Ball, kinetic
+from pinfric.friction import tree as search_tree
 from pinfric.friction.given_modes import judge
 from pinfric.friction.law import evaluate
 from pinfric.friction.problem import Modes, SearchOutcome
 from pinfric.friction.rest import Mechanism, solve_modes
 from pinfric.friction.search import PossibleWays
+from pinfric.friction.tree import Tree
 
 pytestmark = pytest.mark.usefixtures("interpreted_kernels")
 
@@ -111,36 +111,50 @@ def test_pivoting_beyond_eight_finds_consistent_modes(seed):
             assert solve_modes(p, other, a_tree(10))[1] == 0
 
 
-@pytest.mark.parametrize(
-    ("seed", "strength", "proved"),
-    [(29, 1.2, False), (74, 0.6, False), *((seed, 0.1, True) for seed in range(8))],
-)
-def test_what_is_proved_to_be_the_only_answer_is(seed, strength, proved):
-    """Beside the two most similar of 800 problems with several: the bound is 1.7 and 1.6."""
-    p, _ = strong_problem(seed, along=1)
-    p.mu_slip[:] *= strength
-    p.mu_stick[:], p.coulomb_stick[:] = p.mu_slip, p.coulomb_slip
-    answers = [x for found in by_level(p, np.ones(2, bool)) for _, x in found]
-    assert (np.ptp(answers, axis=0).max() < 1e-9) == proved
-    m = Modes.of(2, 2)
-    m.at_rest[:] = m.stuck[:] = True
-    search.search(p, m, a_tree(2), follow=True)
-    assert Ball(p, kinetic(p, m.at_rest), m, m.at_rest).sure == proved
+@pytest.mark.parametrize("seed", range(60))
+def test_no_program_refutes_an_answer(seed):
+    """Against all modes: weak, strong and such that feeds itself; with joints that move."""
+    strength, static = (0.02, 0.1, 0.3, 0.8)[seed % 4], (1.0, 1.4)[seed % 2]
+    p = random_problem(seed, nc=4, strength=strength, shared=bool(seed % 3), static=static)
+    p.rate_free[:] *= (0.3, 1.0)[seed % 5 == 0]
+    at_rest = np.arange(4) >= (seed % 7 == 0)
+    tree = Tree(p, at_rest, np.ones(4))
+    if not tree.ends:
+        assert not at_rest.all()  # of what rests a box is always known
+        return
+    leaves = [ways for level in tree.levels({}) for ways in level]
+    assert tree.complete
+    answers = [
+        {c: way for c, way in enumerate(direction.tolist()) if at_rest[c] and way}
+        for found in by_level(p, at_rest)
+        for direction, _ in found
+    ]
+    assert answers
+    assert all(answer in leaves for answer in answers)
+    assert [len(ways) for ways in leaves] == sorted(len(ways) for ways in leaves)
 
 
-@pytest.mark.parametrize("seed", range(30))
-def test_the_ball_of_all_answers_leaves_out_none(seed, monkeypatch):
-    """Against all modes, in problems with one and with several answers."""
-    p = random_problem(seed, nc=6, strength=0.02, static=1.4)
-    p.rate_free[:] *= 0.4
-    ends = []
-    for limits in (kinetic, lambda *_: None):
-        monkeypatch.setattr(search, "kinetic", limits)
-        m, count = Modes.of(6, 6), search.SearchStatistics()
-        m.at_rest[:] = True
-        found = search.search(p, m, a_tree(6), count=count)
-        ends.append((found, m.direction.tolist() if found == SearchOutcome.SOLVED else count.many))
-    assert ends[0] == ends[1]
+def test_programs_refute_most_modes():
+    """Of 81 modes of four joints a few are left, or the tree would be no shorter."""
+    left = []
+    for seed in range(20):
+        p = random_problem(seed, nc=4, strength=0.1)
+        left.append(sum(map(len, Tree(p, np.ones(4, bool), np.ones(4)).levels({}))))
+    assert np.median(left) <= 4
+
+
+def test_joints_that_must_slip_do():
+    p = random_problem(3, nc=4, strength=0.1)
+    p.rate_free[:] *= 0.3
+    for level in Tree(p, np.ones(4, bool), np.ones(4)).levels({1: -1.0}):
+        assert all(ways[1] == -1.0 for ways in level)
+
+
+def test_of_too_many_modes_some_are_not_looked_at(monkeypatch):
+    monkeypatch.setattr(search_tree, "_MOST_PROGRAMS", 5)
+    tree = Tree(random_problem(3, nc=4, strength=0.1), np.ones(4, bool), np.ones(4))
+    assert not [ways for level in tree.levels({}) for ways in level]
+    assert not tree.complete
 
 
 @pytest.mark.parametrize("seed", range(4))  # alone, 1 and 2 would find what is no answer

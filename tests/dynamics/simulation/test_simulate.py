@@ -379,8 +379,8 @@ def test_a_motion_says_where_other_modes_may_obey(tmp_path, monkeypatch):
     model = chain(*((name, pin.JointModelPX(), body) for name in names), gravity=0.0)
     push, still = np.random.default_rng(3).normal(scale=2.0, size=12), np.zeros(12)
     scene = pf.Scene(model=model, friction=dict.fromkeys(names, dry(1.3, 1.0)))
-    for limits, unproved in ((search.kinetic, ()), (lambda *_: None, (0.0,))):
-        monkeypatch.setattr(search, "kinetic", limits)
+    for in_tree, unproved in ((search._in_tree, ()), (lambda *_: None, (0.0,))):
+        monkeypatch.setattr(search, "_in_tree", in_tree)
         motion = pf.simulate(scene, still, still, push, 0.01)
         assert motion.unproved == unproved
         assert ("other modes may obey" in repr(motion)) == bool(unproved)
