@@ -309,8 +309,12 @@ def _search_resting(query: _Query, forced: Ways, held: np.ndarray | None) -> Sea
             return outcome
     if len(mechanism.joints(rests)) > MOST_ENUMERATED:
         return _pivot(query, forced)
-    possible = PossibleWays(query.problem, mechanism, rests.copy())
-    outcome = _enumerate(query, possible.levels(forced), forced, held)
+    possible, levels = PossibleWays(query.problem, mechanism, rests.copy()), None
+    plain = not (mechanism.ball.any() or mechanism.idle.any())
+    if mechanism.closed and plain and not (modes.stuck & ~rests).any():
+        tree = Tree(query.problem, rests.copy(), modes.direction)
+        levels = tree.allowed(possible.levels(forced)) if tree.ends else None
+    outcome = _enumerate(query, levels or possible.levels(forced), forced, held)
     missed = outcome in _NOTHING and (mechanism.ball & rests).any()  # a ball has one start only
     if missed or outcome == SearchOutcome.UNDECIDED:
         query.passes = MOST_PASSES
@@ -338,7 +342,7 @@ def _in_tree(query: _Query, forced: Ways, held: np.ndarray | None) -> SearchOutc
     tree = Tree(problem, rests, modes.direction)
     if not tree.ends:
         return None
-    query.passes = _IN_TREE
+    query.passes = min(_IN_TREE, MOST_PASSES)
     outcome = _enumerate(query, tree.levels(forced), forced, held)
     if tree.complete and outcome != SearchOutcome.UNDECIDED:
         return outcome

@@ -14,7 +14,7 @@ by the laws themselves. Nodes with few slipping joints come first (`notebooks/th
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -59,7 +59,7 @@ class Bounds(NamedTuple):
 
 
 class Tree:
-    """The tree of modes of an open chain without balls.
+    """The tree of modes of a problem without balls.
 
     Attributes:
         ends: whether a box is known that contains every answer.
@@ -78,6 +78,17 @@ class Tree:
         limits = np.zeros((n, 2, 1 + n)), np.zeros((n, 2, 1 + n)), np.zeros((n, 2, 2, 1 + n))
         self.bounds = Bounds(np.empty(n), np.empty(n), *limits)
         self.ends = bool(write_bounds(problem, at_rest, direction, self.bounds))
+
+    def allowed(self, levels: Iterable[list[Ways]]) -> Iterator[list[Ways]]:
+        """Yield of each level the ways of a mechanism that no program refutes."""
+        for level in levels:
+            yield [ways for ways in level if self._allows(ways)]
+
+    def _allows(self, ways: Ways) -> bool:
+        mode = np.where(self.at_rest, _STICKS, self.root).astype(np.int8)
+        for c, way in ways.items():
+            mode[c] = way
+        return bool(allows(self.problem, self.bounds, self.at_rest, mode))
 
     def levels(self, forced: Ways) -> Iterator[list[Ways]]:
         """Yield the ways to slip with no joint beside the forced ones, then with one more, ...
@@ -108,6 +119,15 @@ class Tree:
                 for leaf in leaves[:found]
             ]
             waiting = more[:after]
+
+
+@kernel
+def allows(problem: Problem, bounds: Bounds, at_rest: np.ndarray, mode: np.ndarray) -> bool:
+    """Return whether no program refutes the modes (nc,) of a mechanism, whose rates depend."""
+    nc = mode.size
+    G, h, s, z = np.empty((6 * nc, nc)), np.empty(6 * nc), np.ones(6 * nc), np.empty(nc)
+    rows, free = write_rows(problem, bounds, at_rest, mode, False, G, h)
+    return least_violation(G, h, s, rows, 1.0, z[:free]) <= _EXACT
 
 
 @kernel
@@ -397,7 +417,7 @@ def expand(
             programs += 1
             if programs > most:
                 return -1, after, programs
-            rows, free = write_rows(problem, bounds, at_rest, mode, G, h)
+            rows, free = write_rows(problem, bounds, at_rest, mode, True, G, h)
             if least_violation(G, h, s, rows, 1.0, z[:free]) > _EXACT:
                 continue
             k = 0
@@ -421,24 +441,29 @@ def expand(
 
 
 @kernel
-def write_rows(  # noqa: C901
+def write_rows(
     problem: Problem,
     bounds: Bounds,
     at_rest: np.ndarray,
     mode: np.ndarray,
+    follow: bool,
     G: np.ndarray,
     h: np.ndarray,
 ) -> tuple[int, int]:
     """Write a node's program G z + h <= 0, |z| <= 1; return its rows and unknowns.
 
-    The unknowns are the frictions that do not stick, from the middle of the box in parts of it:
-    sticking ones follow.
+    The unknowns are frictions, from the middle of the box in parts of it.
+
+    Args:
+        problem, bounds, at_rest, mode: see `expand`.
+        follow: whether those that stick follow from the others: no rates depend on each other.
+        G, h: overwritten.
     """
     box, nc = bounds.box, bounds.box.size
     free, held = np.empty(nc, np.int64), np.empty(nc, np.int64)
     n = k = 0
     for c in range(nc):
-        if mode[c] == _STICKS:
+        if mode[c] == _STICKS and follow:
             held[k] = c
             k += 1
         else:
@@ -459,50 +484,48 @@ def write_rows(  # noqa: C901
         of_z[held[i]] = B[i]
     for j in range(n):
         of_z[free[j], 0], of_z[free[j], 1 + j] = bounds.middle[free[j]], box[free[j]]
-    # 2. the rows
-    rows = 0
+    # 2. the rows, by (1, x) and then by z
+    rows, line = 0, np.empty(1 + nc)
     for c in range(nc):
         way, scale = mode[c], max(abs(bounds.middle[c]), box[c]) + 1e-300
+        slips = way not in (_STICKS, _UNDECIDED)
         for side in range(2):
             sign = 1.0 - 2.0 * side
-            if way in (_STICKS, _UNDECIDED):
-                limit = bounds.stick if way == _STICKS else bounds.either
-                if not limit[c, side, 0] < np.inf:
-                    continue
-                for j in range(1 + n):
-                    value = sign * of_z[c, j]
-                    for d in range(nc):
-                        value -= limit[c, side, 1 + d] * of_z[d, j]
-                    if j == 0:
-                        h[rows] = (value - limit[c, side, 0]) / scale
-                    else:
-                        G[rows, j - 1] = value / scale
-                rows += 1
-            elif side == (0 if way > 0 else 1):
-                for end in range(2):
-                    toward = 1.0 - 2.0 * end
-                    if not bounds.slip[c, side, end, 0] < np.inf:
-                        continue
-                    for j in range(1 + n):
-                        value = toward * sign * of_z[c, j]
-                        for d in range(nc):
-                            value += toward * bounds.slip[c, side, end, 1 + d] * of_z[d, j]
-                        if j == 0:
-                            h[rows] = (value + toward * bounds.slip[c, side, end, 0]) / scale
-                        else:
-                            G[rows, j - 1] = value / scale
-                    rows += 1
-                if at_rest[c]:
-                    size = problem.rate_scale[c]
-                    for d in range(nc):
-                        size += abs(problem.rate_slope[c, d]) * box[d]
-                    for j in range(1 + n):
-                        value = problem.rate_free[c] if j == 0 else 0.0
-                        for d in range(nc):
-                            value += problem.rate_slope[c, d] * of_z[d, j]
-                        if j == 0:
-                            h[rows] = -sign * value / size
-                        else:
-                            G[rows, j - 1] = -sign * value / size
-                    rows += 1
+            mine = slips and sign * way > 0.0
+            if not slips:  # sign x <= limit
+                line[:] = -(bounds.stick if way == _STICKS else bounds.either)[c, side]
+                line[1 + c] += sign
+                rows += _put(line, of_z, scale, G, h, rows)
+            for end in range(2 if mine else 0):  # least <= -sign x <= most
+                toward = 1.0 - 2.0 * end
+                line[:] = toward * bounds.slip[c, side, end]
+                line[1 + c] += toward * sign
+                rows += _put(line, of_z, scale, G, h, rows)
+            if at_rest[c] and (mine or (way == _STICKS and not follow)):  # sign r >= 0
+                line[0], size = -sign * problem.rate_free[c], problem.rate_scale[c]
+                for d in range(nc):
+                    line[1 + d] = -sign * problem.rate_slope[c, d]
+                    size += abs(problem.rate_slope[c, d]) * box[d]
+                rows += _put(line, of_z, size + 1e-300, G, h, rows)
     return rows, n
+
+
+@kernel
+def _put(
+    line: np.ndarray, of_z: np.ndarray, scale: float, G: np.ndarray, h: np.ndarray, row: int
+) -> int:
+    """Write the row line (1, x) / scale <= 0 by z; return 1, or 0 of a limit that is infinite."""
+    if not abs(line[0]) < np.inf:
+        return 0
+    h[row] = line[0]
+    for j in range(of_z.shape[1] - 1):
+        G[row, j] = 0.0
+    for d in range(of_z.shape[0]):
+        if line[1 + d] != 0.0:
+            h[row] += line[1 + d] * of_z[d, 0]
+            for j in range(of_z.shape[1] - 1):
+                G[row, j] += line[1 + d] * of_z[d, 1 + j]
+    h[row] /= scale
+    for j in range(of_z.shape[1] - 1):
+        G[row, j] /= scale
+    return 1

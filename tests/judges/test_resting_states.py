@@ -3,11 +3,19 @@
 More states: `python tests/judges/resting_states.py all 0 1000`.
 """
 
+from contextlib import suppress
+
 import numpy as np
+import pinocchio as pin
 import pytest
 from judges.planar_states import Moving, random_planar_tree
 from judges.resting_states import KINDS, Bodies, Joint, compare
 from numpy.testing import assert_allclose
+
+import pinfric as pf
+from pinfric.errors import AccelerationError
+from pinfric.friction import search
+from pinfric.friction.tree import Tree
 
 #: What is no error: a refusal that says so, a state at a limit, one of too many modes.
 SAID = "same", "undecided", "others may exist, and do", "not judged"
@@ -61,3 +69,37 @@ def test_bodies_in_space_move_as_bars_in_the_plane():
     found, plane = bodies.resting(1.0, effort), Moving(chain, np.zeros(6), effort)
     assert_allclose(found.rate, plane.relative, atol=1e-9)
     assert_allclose(found.force[::2, [0, 2]], plane.force, atol=1e-9)
+
+
+@pytest.mark.parametrize("kind", ["five-bars", "geared loops"])
+@pytest.mark.parametrize("seed", range(6))
+def test_what_programs_refute_in_loops_obeys_no_law(kind, seed, monkeypatch):
+    """All ways to slip are tried; those that are refuted fail, and there are such."""
+    refuted, kept, tried = [], Tree._allows, []
+
+    def allows(tree, ways):
+        if not kept(tree, ways):
+            refuted.append(ways)
+        return True
+
+    def solve(query):
+        counts, modes = settle(query), query.modes
+        slips = np.flatnonzero(modes.at_rest & ~modes.stuck)
+        ways = {c: float(modes.direction[c]) for c in slips.tolist()}
+        if ways in refuted:
+            tried.append(counts[1])
+        return counts
+
+    settle = search._settle
+    monkeypatch.setattr(Tree, "_allows", allows)
+    monkeypatch.setattr(search, "_settle", solve)
+    state = KINDS[kind](np.random.default_rng(seed))
+    with suppress(AccelerationError):
+        pf.forward_dynamics(
+            state.scene,
+            pin.neutral(state.scene.model),
+            np.zeros(state.scene.model.nv),
+            **state.given,
+        )
+    assert tried == [0] * len(tried)
+    assert tried or not refuted
