@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import warnings
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from time import monotonic
 from typing import Any
@@ -124,14 +124,8 @@ def drives(task: Task, memory: Memory, choice: Choice) -> Choice:
     """The drive of each joint, from the tips to the base, and what joints must have together."""
     conditions, own = task.conditions, dict[int, Asked]()
     whole = bool(conditions.same_drive) or conditions.lowest_frequency is not None
-    taken, count = dict(choice.taken), len(task.scene.drives)
-    for k, i in enumerate(tip_to_base(task.scene), start=1):
-        task.progress(
-            f"round {choice.rounds + 1}: {task.scene.drives[i].name}, drive {k} of {count}"
-        )
-        found = asked(task, memory, replace(choice, taken=taken), i)
-        if found is None:
-            continue
+    taken = dict(choice.taken)
+    for i, found in _inward(task, memory, choice, taken):
         own[i] = found
         if not whole or i not in taken:  # else of the set as a whole
             taken.pop(i, None)
@@ -147,6 +141,33 @@ def drives(task: Task, memory: Memory, choice: Choice) -> Choice:
     if same and all(a is choice.taken[i] for i, a in taken.items()):
         return choice
     return replace(choice, taken=taken)
+
+
+def _inward(
+    task: Task, memory: Memory, choice: Choice, taken: dict[int, Assessment]
+) -> Iterator[tuple[int, Asked]]:
+    """Yield the joints that take a drive, from the tips to the base, below what is `taken` then."""
+    count = len(task.scene.drives)
+    for k, i in enumerate(tip_to_base(task.scene), start=1):
+        task.progress(
+            f"round {choice.rounds + 1}: {task.scene.drives[i].name}, drive {k} of {count}"
+        )
+        found = asked(task, memory, replace(choice, taken=taken), i)
+        if found is not None:
+            yield i, found
+
+
+def hopeless(task: Task, memory: Memory, choice: Choice) -> bool:
+    """Return whether a joint has no drive, signed or provisional, that is light enough for it.
+
+    Of a choice of nothing, whose joints carry the least that they can: rounds and stops only add.
+    """
+    taken = dict[int, Assessment]()
+    for i, found in _inward(task, memory, choice, taken):
+        if found.fitting is None:
+            return True
+        taken[i] = found.fitting
+    return False
 
 
 def load(task: Task, memory: Memory, choice: Choice) -> Choice:
@@ -208,7 +229,10 @@ def links(task: Task, memory: Memory, choice: Choice) -> Choice:
         return choice
     each = held_drives(task.scene, dict.fromkeys(choice.taken, 1.0), task.conditions.mass_in_urdf)
     most = min(held.links / held.drives for held in each if held.drives)
-    return replace(_anew(choice), most=most, heavier=choice, links=why)
+    lighter = replace(_anew(choice), most=most, heavier=choice, links=why)
+    if hopeless(task, memory, replace(Choice(), most=most)):
+        return replace(lighter, bare=True, most=np.inf)
+    return lighter
 
 
 def _anew(choice: Choice) -> Choice:

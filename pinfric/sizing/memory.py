@@ -50,10 +50,14 @@ class Asked:
     search: DriveSearch
 
     @cached_property
+    def fitting(self) -> Assessment | None:
+        """The lightest that is signed, else one that is provisional."""
+        return self.search.lightest() or provisional(self.search)
+
+    @cached_property
     def best(self) -> Assessment | None:
-        """The first of: the lightest that is signed, one that is provisional, the nearest."""
-        search = self.search
-        return search.lightest() or provisional(search) or search.nearest()
+        """The same, else the nearest."""
+        return self.fitting or self.search.nearest()
 
 
 class Memory:

@@ -36,6 +36,7 @@ from pinfric.sizing.choice import (
     Choice,
     asked,
     contradiction,
+    hopeless,
     open_stops,
     said_of_links,
     settle,
@@ -238,7 +239,10 @@ def _lighter(task: Task, memory: Memory, choice: Choice) -> dict[int, Assessment
         return {}
     most = moved / len(choice.taken)
     silent = replace(task, progress=lambda _: None)
-    light = settle(silent, memory, Choice(bare=choice.bare, most=most), OF_DRIVES)[1].taken
+    begin = Choice(bare=choice.bare, most=most)
+    if hopeless(silent, memory, begin):
+        return {}
+    light = settle(silent, memory, begin, OF_DRIVES)[1].taken
     fit = light.keys() == choice.taken.keys() and all(a.fits or a.would for a in light.values())
     return dict(light) if fit else {}
 

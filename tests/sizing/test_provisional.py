@@ -200,6 +200,26 @@ def test_the_servos_of_the_so101_hold_it_with_pauses():
     assert 1 <= sum(hot) < 6
 
 
+def test_lighter_drives_are_sought_up_to_the_first_joint_without_one(monkeypatch):
+    """For the other joints of an SO-101, and for the nearest, nothing is judged."""
+    sought = {}
+
+    def counted(search):
+        found = provisional(search)
+        sought.setdefault(search.parts.most, []).append(found is not None)
+        return found
+
+    monkeypatch.setattr("pinfric.sizing.memory.provisional", counted)
+    scene, motion = example("so101")
+    report = pf.size(scene, motion, "default", on_miss="ignore")
+    assert "cannot hold" in report.contradiction
+    light = [found for most, found in sought.items() if np.isfinite(most)]
+    assert light
+    for found in light:
+        assert found.count(False) == 1
+        assert not found[-1]
+
+
 def test_a_banned_drive_is_not_provisional(tmp_path):
     """Of two equal drives the other is."""
     gears = {n: GEAR | {"stiffness": None, "mass": m} for n, m in (("G", 0.5), ("H", 0.6))}
