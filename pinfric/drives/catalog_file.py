@@ -89,7 +89,10 @@ def _of_folder(folder: Path) -> tuple[CatalogFile, ...]:
             first, *others = imported.left_out
             more = f" (and {counted(len(others), 'row')} more: `pinfric catalog`)" if others else ""
             warnings.warn(f"{table}: left out: {first}{more}", PinfricWarning, stacklevel=3)
-        files[table] = _parsed(imported.content | {imported.section: imported.entries}, table)
+        # each row is validated already
+        files[table] = CatalogFile(pinfric_catalog=1).model_copy(
+            update={imported.section: imported.entries}
+        )
     known: dict[tuple[str, str], tuple[Path, Sourced]] = {}
     for path, file in files.items():
         for section in _SECTIONS:

@@ -78,9 +78,10 @@ def _beyond_usual(section: str, entry: Sourced) -> Iterator[str]:
             value = softest(value)
         if value is None or figures.get("output") == "linear":
             continue
-        unit = "motor turns per output turn" if rating == "ratio" else unit_of(type(entry), rating)
         for x in value if isinstance(value, tuple) else (value,):
             if not (least <= x <= greatest or (x == 0 and rating == "input_inertia")):
+                turns = "motor turns per output turn" if rating == "ratio" else ""
+                unit = turns or unit_of(type(entry), rating)
                 yield (
                     f"{rating} = {x:g} {unit} is outside the usual range, {least:g} to "
                     f"{greatest:g} {unit}; {slip} entered?"

@@ -220,7 +220,9 @@ def _decimal_mark(path: Path, delimiter: str, texts: Iterable[str]) -> str:
     """
     seen: dict[str, str] = {}
     for text in texts:
-        if (match := _NUMBER.fullmatch(text)) is None:
+        points, commas = text.count("."), text.count(",")
+        known = (points <= 1 and not commas and "." in seen) or not points + commas
+        if known or (match := _NUMBER.fullmatch(text)) is None:
             continue
         marks = re.findall("[.,]", match[1])
         if marks and (len(set(marks)) == 2 or not _THOUSANDS.fullmatch(match[1])):

@@ -145,6 +145,7 @@ def _kinds(annotation: Any) -> Iterator[Any]:
         yield annotation
 
 
+@cache
 def unit_of(entry: type[Entry], figure: str, linear: bool = False) -> str:
     """Return the SI unit of a figure of an entry, "" of words; `linear`: its output slides."""
     turning, _, sliding = cells_of(entry)[figure].partition(" or ")

@@ -352,12 +352,14 @@ def questions_below(
     if isinstance(node, Entry):
         yield from ((at, text) for text in node.questions())
     parts: Iterable[tuple[Any, Any]] = enumerate(node) if isinstance(node, list | tuple) else ()
-    if isinstance(node, BaseModel | dict):
-        parts = node.items() if isinstance(node, dict) else vars(node).items()
-    if getattr(node, "installed", None) is not None:  # a product's figures are its maker's
-        parts = [(name, value) for name, value in parts if name != "transmission"]
+    if isinstance(node, dict):
+        parts = node.items()
+    elif isinstance(node, BaseModel):
+        parts, product = vars(node).items(), vars(node).get("installed")
+        if product is not None:  # its figures are its maker's
+            parts = [(name, value) for name, value in parts if name != "transmission"]
     for name, value in parts:
         if type(value) in _PLAIN:  # of most values; to ask pydantic's classes takes ten times it
             continue
-        if isinstance(value, BaseModel | dict | list | tuple):
+        if isinstance(value, BaseModel | dict | list | tuple) and value:
             yield from questions_below(value, (*at, name))
