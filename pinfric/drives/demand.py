@@ -317,9 +317,9 @@ def hardest(demands: Sequence[JointDemand]) -> JointDemand:
 
 def driven_joint(scene: Scene, actuator: int) -> int | None:
     """The model's index of a drive's joint; None for one direction of a joint with several."""
-    moved = scene.drives[actuator].velocity_index
-    joints = list(enumerate(scene.model.joints))[1:]
-    return next((i for i, joint in joints if joint.nv == 1 and joint.idx_v == moved), None)
+    moved, model = scene.drives[actuator].velocity_index, scene.model
+    joints = list(zip(model.idx_vs.tolist(), model.nvs.tolist(), strict=True))
+    return joints.index((moved, 1), 1) if (moved, 1) in joints[1:] else None
 
 
 def travel(scene: Scene, actuator: int, q: np.ndarray) -> float | None:

@@ -101,6 +101,7 @@ class DrivenRobot:
 
     Args:
         scene: the robot as given. duty: which samples are which cycle. rating: in the motion.
+        like: the same robot and motion with other payloads; None: there is none.
     """
 
     def __init__(
@@ -110,6 +111,7 @@ class DrivenRobot:
         duty: Schedule | None,
         conditions: Conditions,
         rating: RatedCycle | None = None,
+        like: DrivenRobot | None = None,
     ) -> None:
         self.rating = rating
         self.scene, self.motion, self.duty, self.conditions = scene, motion, duty, conditions
@@ -117,7 +119,7 @@ class DrivenRobot:
         states = self.result.states
         self.holding = holds(scene, motion, states.v)
         self.exact = bool(scene.loops) or len(states.q) > _MOST_SAMPLES
-        self._points: dict[int, _Point] = {}
+        self._points: dict[int, _Point] = {} if like is None else like._points
         self._ways: dict[int, Way | None] = {}
 
     @property

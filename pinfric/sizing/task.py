@@ -176,6 +176,7 @@ def task_of(
             robot.duty,
             conditions,
             robot.rating,
+            like=robot,
         )
         for words, robot in robots.items()
         if guessed

@@ -21,6 +21,7 @@ from pinfric.dynamics.samples.reactions import rigid_efforts
 from pinfric.model.mass_matrix import mass_matrices
 from pinfric.model.massless import massless
 from pinfric.model.transmission import shock_efficiency
+from pinfric.model.twin import Twin
 from pinfric.motions.trajectory import Trajectory
 from pinfric.stops.machines import MachineKind, Machines, carried_by
 from pinfric.stops.motion import BrakedMachine
@@ -93,16 +94,15 @@ def gear_peaks(
     # 2. Of the samples in which the same drives move, every set of these, and the free motions
     patterns, which = np.unique(direction != 0.0, axis=0, return_inverse=True)
     for k, pattern in enumerate(patterns):
-        rows, moving, n = np.flatnonzero(which == k), np.flatnonzero(pattern), int(pattern.sum())
-        here = along.part(rows)
+        rows, moving = np.flatnonzero(which == k), np.flatnonzero(pattern).tolist()
+        loads = _Loads(twin, along.part(rows), rate[rows], free)
+        n = len(moving)
         sizes = range(n + 1) if n <= _EVERY_SET else (0, 1, 2, n - 1, n)
         for few in chain.from_iterable(combinations(moving, size) for size in sizes):
             S = [*few, *free]
             if not S:
                 continue
-            speed = here.velocities(rate[rows], S)
-            load = rigid_efforts(twin, q[rows], speed, here.at_constant_rates(speed))[1]
-            h = (BT[rows] @ load[..., None])[..., 0]
+            h = loads.of(few)
             inertia = M[rows][:, S][:, :, S] + np.diag(heavy[S])
             push = -passes[:, S] * direction[rows][:, None, S] - h[:, None, S]
             a = np.linalg.solve(inertia, push.transpose(0, 2, 1))
@@ -116,6 +116,39 @@ def gear_peaks(
             effort[..., others] = holds + turns[:, None] * (effort[..., others] - holds)
             most[rows] = np.maximum(most[rows], effort.max(axis=1))
     return most[:, :count]
+
+
+class _Loads:
+    """The loads h (n, na + nf) of `gear_peaks` of any set of drives that move.
+
+    They are quadratic in the rates u: those of a set are sums of what drives add one by one, and
+    two by two.
+
+    Args:
+        along: of n samples. rate: u (n, na + nf). free: columns that move in every set.
+    """
+
+    def __init__(
+        self, twin: Twin, along: DriveCoordinates, rate: np.ndarray, free: Sequence[int]
+    ) -> None:
+        self._twin, self._along, self._rate, self._free = twin, along, rate, list(free)
+        self._added: dict[tuple[int, ...], np.ndarray] = {}
+
+    def of(self, few: Sequence[int]) -> np.ndarray:
+        """Return the loads while a few drives move."""
+        parts = chain.from_iterable(combinations(few, size) for size in (0, 1, 2))
+        return np.sum([self._adds(part) for part in parts], axis=0)
+
+    def _adds(self, part: tuple[int, ...]) -> np.ndarray:
+        """What one or two drives add to what each of them adds, and to what is there at rest."""
+        if part not in self._added:
+            along = self._along
+            v = along.velocities(self._rate, [*part, *self._free])
+            load = rigid_efforts(self._twin, along.q, v, along.at_constant_rates(v))[1]
+            whole = (along.directions.transpose(0, 2, 1) @ load[..., None])[..., 0]
+            fewer = chain.from_iterable(combinations(part, size) for size in range(len(part)))
+            self._added[part] = whole - sum(map(self._adds, fewer), np.zeros(whole.shape))
+        return self._added[part]
 
 
 def cycle_peaks(
