@@ -850,17 +850,17 @@ def ratings_of(entry: Motor | GearMotor) -> Ratings:
     by_stall = None if peak is not None else stall
     if by_stall is not None and continuous is not None:
         by_stall = min(by_stall, MOST_PEAK * continuous)
-    return replace(
-        ratings,
-        continuous_torque=continuous,
-        continuous_curve=curve,
-        peak_torque=peak,
-        torque_constant=k,
-        resistance=resistance,
-        stall_torque=stall,
-        peak_by_stall=by_stall,
-        derived=tuple(derived),
-    )
+    completed = {
+        "continuous_torque": continuous,
+        "continuous_curve": curve,
+        "peak_torque": peak,
+        "torque_constant": k,
+        "resistance": resistance,
+        "stall_torque": stall,
+        "peak_by_stall": by_stall,
+        "derived": tuple(derived),
+    }
+    return Ratings(**vars(ratings) | completed)  # `replace` takes twice the time
 
 
 def gearmotor_drive(name: str, entry: GearMotor) -> Candidate:

@@ -101,9 +101,13 @@ class Figures(SimpleNamespace):
 def columns(entries: Iterable[Any], figures: Iterable[str]) -> Figures:
     """Return the figures of entries, each an array."""
     there = list(entries)
-    return Figures(
-        **{name: np.array([figure_of(entry, name) for entry in there]) for name in figures}
-    )
+
+    def column(name: str) -> np.ndarray:
+        if name == "stiffness":
+            return np.array([figure_of(entry, name) for entry in there])
+        return np.array([getattr(entry, name, None) for entry in there], dtype=float)
+
+    return Figures(**{name: column(name) for name in figures})
 
 
 def figure_of(entry: Any, name: str) -> float:
@@ -348,6 +352,8 @@ class Limit:
             return np.nan
         with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
             have, need = np.asarray(self.available(d)), np.asarray(self.required(d))
+            if applies is True and (have > 0).all():  # of most: a third of the passes
+                return np.maximum(1 - need / have, -1e9)
             margin = np.where(have > 0, 1 - need / have, np.where(need > 0, -np.inf, 0.0))
             known = ~np.isnan(need) & (~np.isnan(have) | (need == np.inf)) & applies
             margin = np.where(known, np.where(np.isnan(have), -np.inf, margin), np.nan)

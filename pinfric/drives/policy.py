@@ -473,10 +473,11 @@ def lacks(kind: str, *entries: Any) -> tuple[str, ...]:
     """
     special = getattr(entries[-1], "special", None)
     needs = NEEDS[kind] if special is None else special.NEEDS
+    known_by = entries if special is None else (*entries, special)
     return tuple(
         figure
         for figure, keys in needs.items()
-        if all(getattr(x, key, None) is None for x in (*entries, special) for key in keys.split())
+        if not any(getattr(x, key, None) is not None for key in keys.split() for x in known_by)
     )
 
 

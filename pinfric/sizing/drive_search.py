@@ -65,8 +65,8 @@ from pinfric.drives.reading import read_drive
 from pinfric.drives.thermal import COPPER
 from pinfric.model.transmission import driven_efficiency
 
-#: Numbers of an array over gears and motors at a time.
-_MOST = 2_000_000
+#: Numbers of an array over gears and motors at a time: of more, memory is slower than arithmetic.
+_MOST = 100_000
 #: So many gears at a time at most, where a search may end before their last.
 _TOGETHER = 32
 #: A catalogue of no more drives is shown in full.
@@ -264,9 +264,27 @@ class _Group:
         return np.array([not lacking for lacking in self.motor_lacks])
 
     @cached_property
-    def special(self) -> list[tuple[int, Kind]]:
-        """Column and figures of each motor with rows of its own."""
-        return [(m, motor.special) for m, motor in enumerate(self.motors) if motor.special]
+    def by_lacks(self) -> dict[frozenset[str], np.ndarray]:
+        """The motors' columns by the figures that they lack."""
+        columns = dict[frozenset[str], list[int]]()
+        for m, lacking in enumerate(self.motor_lacks):
+            columns.setdefault(frozenset(lacking), []).append(m)
+        return {lacking: np.array(own) for lacking, own in columns.items()}
+
+    @cached_property
+    def lightest(self) -> np.ndarray:
+        """(ng,) kg of the lightest drive of each gear that can be signed; a brake only adds."""
+        mass = np.where(self.fits & self.signable & np.isfinite(self.mass), self.mass, np.inf)
+        return mass.min(axis=1)
+
+    @cached_property
+    def special(self) -> dict[type[Kind], dict[int, Kind]]:
+        """Of each kind with rows of its own its motors' columns and figures."""
+        kinds = dict[type[Kind], dict[int, Kind]]()
+        for m, motor in enumerate(self.motors):
+            if (own := motor.special) is not None:
+                kinds.setdefault(type(own), {})[m] = own
+        return kinds
 
     @cached_property
     def by_name(self) -> np.ndarray:
@@ -520,14 +538,12 @@ class _GearAtJoint:
         means: over the cycle of m^2, m a, a^2, h^2, h m and h a (see the module).
         samples: m, h, a and speed where |m| + h, |a| and the speed are largest.
         brakes: options of each brake group, the smallest first; None: no brake.
-        margin: the least of the rows that read its entry.
     """
 
     ends: tuple[np.ndarray, np.ndarray]
     means: tuple[float, ...]
     samples: list[tuple[float, float, float, float]]
     brakes: list[list[Brake | None]]
-    margin: float
 
 
 @dataclass
@@ -535,11 +551,13 @@ class Known:
     """What was found of drives at one load, whatever stops demand and whatever is banned.
 
     Attributes:
-        rows: of group and gear. margins: `DriveSearch.margins` of these, and masses, of each motor.
+        rows: of group and gear. entries: the least margins of the rows of their entries.
+        margins: `DriveSearch.margins` of these, and masses, of each motor.
         judged: of group, gear and motor.
     """
 
     rows: dict[tuple[int, int], _GearAtJoint] = field(default_factory=dict)
+    entries: dict[tuple[int, int], float] = field(default_factory=dict)
     margins: dict[tuple[int, int], tuple[np.ndarray, np.ndarray]] = field(default_factory=dict)
     judged: dict[tuple[int, int, int], Assessment] = field(default_factory=dict)
 
@@ -592,11 +610,15 @@ class DriveSearch:
                 least = np.fmin(least, limit.margin(d))
         return least[:, 0]
 
-    def _of_entry(self, bare: Candidate) -> float:
+    def _of_entry(self, b: int, g: int) -> float:
         """The least margin of the rows of a gear's entry; infinite: none is known."""
-        d = read_drive(bare, None, self.case)
-        margins = (limit.margin(d) for limit in LIMITS if limit.stage == "entry")
-        return min((float(x) for x in margins if not np.isnan(x)), default=np.inf)
+        if (b, g) not in self._known.entries:
+            bare = replace(self.arrays.groups[b].bare(g), **self.parts.own)
+            d = read_drive(bare, None, self.case)
+            margins = (limit.margin(d) for limit in LIMITS if limit.stage == "entry")
+            known = (float(x) for x in margins if not np.isnan(x))
+            self._known.entries[b, g] = min(known, default=np.inf)
+        return self._known.entries[b, g]
 
     def _row(self, b: int, g: int) -> _GearAtJoint:
         if (b, g) in self._known.rows:
@@ -616,7 +638,6 @@ class DriveSearch:
             tuple(mean(t, p * q) for p, q in ((m, m), (m, a), (a, a), (h, h), (h, m), (h, a))),
             [(m[k], h[k], a[k], speed[k]) for k in (x, y, z)],
             self._brakes(group, g, bare),
-            self._of_entry(bare),
         )
         self._known.rows[b, g] = row
         return row
@@ -689,7 +710,7 @@ class DriveSearch:
         if not group.at_output:
             share = voltage_share(None, self.parts.own.get("amplifier"), conditions)
         d = replace(group.drives.of_gears(gears), case=self.case, share=share)
-        own = np.array([row.margin for row in rows])[:, None]
+        own = np.array([self._of_entry(b, int(g)) for g in gears])[:, None]
         best, lightest = np.array(-np.inf), np.array(np.inf)
         # least inertia that the inertia ratio permits: of rotors of which none is known
         permitted = d.ratio**2 * conditions.inertia_ratio * (1 - 1e-9)
@@ -723,16 +744,22 @@ class DriveSearch:
         """(n, nm) lower bounds of the shares of a torque of their own; NaN: they have none."""
         shares, slow = np.full(ends[0][0].shape, np.nan), 1e3 * self.case.cycle.stick_velocity
         half, speed = (np.stack([np.abs(end[k][:, 0]) for end in ends]) for k in (1, 2))
-        for m, special in group.special:
-            torque = np.stack([np.abs(end[0][:, m]) for end in ends]) + half
-            shares[:, m] = special.least_share(torque, speed, slow, self.case.conditions)
+        for kind, motors in group.special.items():
+            at = list(motors)
+            torque = np.stack([np.abs(end[0][:, at]) for end in ends]) + half[..., None]
+            own = torque, speed, slow, self.case.conditions
+            shares[:, at] = kind.least_shares(list(motors.values()), *own)
         return shares
 
-    def _bounds(
+    def _step(self, b: int) -> int:
+        """Number of gears at a time of a group."""
+        return max(1, _MOST // max(len(self.arrays.groups[b].motor_lacks), 1))
+
+    def bounds(
         self, b: int, gears: np.ndarray
     ) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
         """Yield some gears at a time, as memory allows, with their `margins`."""
-        step = max(1, _MOST // max(len(self.arrays.groups[b].motor_lacks), 1))
+        step = self._step(b)
         for k in range(0, len(gears), step):
             yield gears[k : k + step], *self.margins(b, gears[k : k + step])
 
@@ -756,16 +783,15 @@ class DriveSearch:
         """
         gears: list[tuple[float, int, int]] = []
         for b, group in enumerate(self.arrays.groups):
-            light = group.mass <= self.parts.most  # a brake only adds to it
-            mass = np.where(group.fits & group.signable & light, group.mass, np.nan)
-            passing = np.isfinite(mass).any(axis=1) & (self.gear_margins[b] >= 0)
+            light = np.isfinite(group.lightest) & (group.lightest <= self.parts.most)
             known = self._complete[b]
-            gears += [(float(np.nanmin(mass[g])), b, g) for g in known[passing[known]].tolist()]
+            passing = known[(light & (self.gear_margins[b] >= 0))[known]]
+            gears += [(float(group.lightest[g]), b, g) for g in passing.tolist()]
         gears.sort()
         ready: list[tuple[float, float, str, int, int, int, Iterator[Any]]] = []
         together = 1
         for k, (_, b, g) in enumerate(gears):
-            if self._row(b, g).margin >= 0:
+            if self._of_entry(b, g) >= 0:
                 if (b, g) not in self._known.margins:  # with more and more of those that follow
                     self._ahead(gears[k : k + together])
                     together = min(2 * together, _TOGETHER)
@@ -784,8 +810,9 @@ class DriveSearch:
     def _ahead(self, gears: Sequence[tuple[float, int, int]]) -> None:
         """Bound the margins of the first gear (mass, group, number), and of others of its group."""
         b = gears[0][1]
-        able = [g for _, c, g in gears if c == b and self._row(b, g).margin >= 0]
-        next(self._bounds(b, np.array(able)))
+        of_group = [g for _, c, g in gears if c == b][: self._step(b)]
+        able = [g for g in of_group if self._of_entry(b, g) >= 0]
+        self.margins(b, np.array(able))
 
     def _of_one(self, b: int, g: int) -> Iterator[tuple[float, float, str, int, int, int]]:
         """Yield mass, minus margin, name and numbers of a gear's drives, in order."""
@@ -897,7 +924,7 @@ class DriveSearch:
         options: list[tuple[float, float, int, int, int]] = []
         for b, group in enumerate(self.arrays.groups):
             known = self._complete[b]
-            for gears, least, mass in self._bounds(b, known[self.gear_margins[b][known] > worst]):
+            for gears, least, mass in self.bounds(b, known[self.gear_margins[b][known] > worst]):
                 least = np.fmin(least, self.gear_margins[b][gears][:, None])
                 ok = (least > worst) & group.fits[gears] & group.signable & (mass < below)
                 if ok.sum() > _TRIED:
@@ -927,7 +954,7 @@ class DriveSearch:
         asks: dict[str, Ask] = {}
         for b, group in enumerate(self.arrays.groups):
             might_do = np.flatnonzero(self.gear_margins[b] >= 0)
-            for gears, least, masses in self._bounds(b, np.setdiff1d(might_do, self._complete[b])):
+            for gears, least, masses in self.bounds(b, np.setdiff1d(might_do, self._complete[b])):
                 might = group.fits[gears] & group.signable  # NaN: not known
                 might &= ~(least < 0) & ~(masses >= below)
                 lightest = np.where(might & np.isfinite(masses), masses, np.inf).min(axis=1)
@@ -939,7 +966,7 @@ class DriveSearch:
             if group.at_output:
                 continue
             known, might = self._complete[b], np.zeros(len(group.motor_lacks), dtype=bool)
-            for gears, least, heavy in self._bounds(b, known[self.gear_margins[b][known] >= 0]):
+            for gears, least, heavy in self.bounds(b, known[self.gear_margins[b][known] >= 0]):
                 might |= ((least >= 0) & group.fits[gears] & ~(heavy >= below)).any(axis=0)
             for m in np.flatnonzero(might).tolist():
                 if figures := group.motor_lacks[m]:

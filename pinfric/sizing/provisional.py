@@ -31,8 +31,6 @@ if TYPE_CHECKING:  # it is above this module
 
 #: Drives that are judged in full, the lightest of fewest missing figures first.
 _TRIED = 200
-#: Gears whose bounds are computed together.
-_AT_A_TIME = 64
 #: Doublings, then halvings, that find the largest inertia.
 _DOUBLINGS, _HALVINGS = 20, 12
 
@@ -59,22 +57,19 @@ def _offers(search: DriveSearch) -> Iterator[tuple[int, float, int, int, int]]:
             if not EXTRA_INERTIAS & {*search.gear_lacks(group, g)}
             and not is_servo(group.entries[g])
         ]
-        for k in range(0, len(bounded), _AT_A_TIME):
-            gears = bounded[k : k + _AT_A_TIME]
-            for g, least in zip(gears, search.margins(b, np.array(gears))[0], strict=True):
+        for gears, leasts, _ in search.bounds(b, np.array(bounded, dtype=int)):
+            for g, least in zip(gears.tolist(), leasts, strict=True):
                 able[g] &= ~(least < 0)
         for g, motors_able in able.items():
             own, mass = search.gear_lacks(group, g), group.mass[g]
-            of_lacks: dict[frozenset[str], list[int]] = {}
-            some = np.flatnonzero(motors_able)
-            for m in some[np.argsort(mass[some], kind="stable")].tolist():
-                of_lacks.setdefault(frozenset(group.motor_lacks[m]), []).append(m)
-            for theirs, motors in of_lacks.items():
+            for theirs, motors in group.by_lacks.items():
                 lacks = {*own, *theirs}
                 if not group.at_output and "rotor inertia" in lacks:
                     continue  # of a motor nothing stands in for it
                 if lacks <= PROVISIONAL and 0 < len(lacks) <= 3:
-                    yield from ((len(lacks), float(mass[m]), b, g, m) for m in motors[:_TRIED])
+                    some = motors[motors_able[motors]]
+                    few = some[np.argsort(mass[some], kind="stable")][:_TRIED]
+                    yield from ((len(lacks), float(mass[m]), b, g, m) for m in few.tolist())
 
 
 def _able(search: DriveSearch, b: int) -> dict[int, np.ndarray]:

@@ -23,6 +23,7 @@ from tables import table
 import pinfric as pf
 from pinfric.drives.criterion import Status
 from pinfric.drives.kinds.stepper import Stepper, pull_out_torque
+from pinfric.drives.policy import Conditions
 from pinfric.errors import CatalogError, RetimeError
 from pinfric.retiming.limits import read_limits
 from pinfric.show.pages.sizing import sizing_page
@@ -159,6 +160,21 @@ def test_no_stepper_is_ruled_out_that_bears_a_sample(tmp_path):
         sample = np.full((1, 1), 0.1), np.full((1, 1), 0.03), np.full((1, 1), speed)
         (share,) = search._least_pull_out(block, [sample])[0]
         assert 0.999 * torque / most < share <= torque / most
+
+
+def test_steppers_are_bounded_together_as_each_by_itself():
+    """One with its maker's curve, two without, at samples of rest and of motion."""
+    steppers = [Stepper(**ELECTRIC), Stepper(**CURVE), Stepper(**ELECTRIC | {"current": 3.0})]
+    torque = np.random.default_rng(2).uniform(0.01, 2.0, (2, 4, 3))
+    speed = np.array([[0.0, 3.0, 80.0, 900.0], [0.0, 0.1, 150.0, 5000.0]])
+    asked = speed, 0.5, Conditions(bus_voltage=36.0)
+    found = Stepper.least_shares(steppers, torque, *asked)
+    for m, stepper in enumerate(steppers):
+        curve = pull_out_torque(stepper, speed, 36.0)
+        held = stepper.standstill_current * stepper.holding_torque
+        most = np.where(speed <= 0.5, np.maximum(curve, held), curve)
+        share = np.minimum((torque[..., m] / np.maximum(most, 1e-300)).max(axis=0), 1e9)
+        assert found[:, m] == pytest.approx(share, rel=2e-9)
 
 
 def test_at_rest_half_of_the_holding_torque_is_left(tmp_path):

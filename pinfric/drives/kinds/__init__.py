@@ -37,8 +37,11 @@ class KindsOfMotors(Entry):
     @property
     def special(self) -> Kind | None:
         """What it has in place of torques and a speed-torque line; None: it has these."""
-        given = (getattr(self, name) for name in KindsOfMotors.model_fields)
-        return next((kind for kind in given if kind is not None), None)
+        return next((kind for name in _KEYS if (kind := getattr(self, name)) is not None), None)
+
+
+#: Of a class pydantic looks up its fields anew each time.
+_KEYS = tuple(KindsOfMotors.model_fields)
 
 
 class KindSections(Entry):

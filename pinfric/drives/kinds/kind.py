@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import Any, ClassVar
 
 import numpy as np
@@ -80,13 +80,19 @@ class Kind(Entry):
         """
         return np.nan
 
-    def least_share(
-        self, torque: np.ndarray, speed: np.ndarray, slow: float, conditions: Conditions
+    @classmethod
+    def least_shares(
+        cls,
+        kinds: Sequence[Kind],
+        torque: np.ndarray,
+        speed: np.ndarray,
+        slow: float,
+        conditions: Conditions,
     ) -> np.ndarray:
-        """Return a lower bound (n,) of `share` behind n gears.
+        """Return lower bounds (n, m) of `share` of m of this kind behind n gears.
 
         Args:
-            torque, speed: (k, n) magnitudes at some samples of a cycle.
+            torque: (k, n, m), speed: (k, n), magnitudes at some samples of a cycle.
             slow: speed, rad/s, above which it certainly does not stand still.
         """
-        return np.full(torque.shape[1], np.nan)
+        return np.full(torque.shape[1:], np.nan)

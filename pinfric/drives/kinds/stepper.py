@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import pairwise
 from typing import ClassVar
 
@@ -10,7 +11,7 @@ from pydantic import model_validator
 
 from pinfric.drives.demand import mean
 from pinfric.drives.kinds.kind import Kind
-from pinfric.drives.limit import Candidates, Limit
+from pinfric.drives.limit import Candidates, Figures, Limit, columns
 from pinfric.drives.policy import EXTRA_LOW_VOLTAGE, Conditions
 from pinfric.model.entry import NonNegative, Number, Positive, key, optional
 
@@ -125,16 +126,25 @@ class Stepper(Kind):
         with np.errstate(divide="ignore"):
             return float(np.where(worst > 0, worst / most, 0.0).max())
 
-    def least_share(
-        self, torque: np.ndarray, speed: np.ndarray, slow: float, conditions: Conditions
+    @classmethod
+    def least_shares(
+        cls,
+        kinds: Sequence[Kind],
+        torque: np.ndarray,
+        speed: np.ndarray,
+        slow: float,
+        conditions: Conditions,
     ) -> np.ndarray:
-        """Return a lower bound (n,) of `share` of n gears, by some samples (k, n) of a cycle.
-
-        At speeds that may be rest the greater torque counts. slow: that is certainly none.
-        """
-        most = pull_out_torque(self, speed, conditions.bus_voltage)
-        held = self.standstill_current * self.holding_torque
-        most = np.where(speed <= slow, np.maximum(most, held), most)
+        """See `Kind`. At speeds that may be rest the greater torque counts."""
+        steppers = [kind for kind in kinds if isinstance(kind, cls)]
+        most, voltage = np.empty(torque.shape), conditions.bus_voltage
+        printed = np.array([stepper.pull_out is not None for stepper in steppers])
+        for m in np.flatnonzero(printed):
+            most[..., m] = pull_out_torque(steppers[m], speed, voltage)
+        computed = [stepper for stepper in steppers if stepper.pull_out is None]
+        most[..., ~printed] = _computed(columns(computed, _FIGURES), speed[..., None], voltage)
+        held = np.array([x.standstill_current * x.holding_torque for x in steppers])
+        most = np.where(speed[..., None] <= slow, np.maximum(most, held), most)
         share = torque * (1 - 1e-9) / np.maximum(most, 1e-300)
         least: np.ndarray = np.fmax.reduce(np.minimum(share, 1e9))
         return least
@@ -160,9 +170,18 @@ def pull_out_torque(stepper: Stepper, speed: np.ndarray, voltage: float) -> np.n
         at, torque = np.transpose(stepper.pull_out)
         w = w * max(1.0, (stepper.voltage or voltage) / voltage)
         return np.interp(w, at, torque, right=0.0)
+    return _computed(columns([stepper], _FIGURES).each(np.squeeze), w, voltage)
+
+
+#: What the torque by rule follows from.
+_FIGURES = "current", "holding_torque", "resistance", "inductance", "steps"
+
+
+def _computed(stepper: Figures, w: np.ndarray, voltage: float) -> np.ndarray:
+    """Return the torque by rule, of figures of one stepper or of several, at speeds |omega|."""
     most = 2.0**0.5 * stepper.current
     k = stepper.holding_torque / most
-    z = (stepper.resistance or 0.0) + 0.25j * stepper.steps * w * (stepper.inductance or 0.0)
+    z = stepper.resistance + 0.25j * stepper.steps * w * stepper.inductance
     middle, reach = -k * w / z, voltage / np.abs(z)  # currents that the voltage permits: a disc
     # the two discs' intersection of largest real part
     far = np.maximum(np.abs(middle), 1e-9 * most)
