@@ -13,7 +13,7 @@ bounds are judged exactly, from the lightest on.
 from __future__ import annotations
 
 import heapq
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -110,15 +110,17 @@ class Assessment:
     @cached_property
     def _margins(self) -> list[tuple[Limit, float]]:
         """Every row with its margin; NaN: not known, or not asked for."""
-        rows = []
-        for limit in LIMITS:
-            if limit.verdict is not None:
-                judged = limit.verdict(self.drives)
-                low = -1.0 if judged.fails else np.nan
-                rows.append((limit, low))
-            elif limit.concerns(self.drives):
-                rows.append((limit, float(limit.margin(self.drives))))
-        return rows
+        asked = (x for x in LIMITS if x.verdict is not None or x.concerns(self.drives))
+        return [(limit, _margin(limit, self.drives)) for limit in asked]
+
+    def falls_short(self, allowed: Collection[str] = ()) -> bool:
+        """Return whether it has failed rows but those `allowed`, in any case; without words."""
+        return any(
+            _margin(limit, judged.drives) < 0
+            for judged in (self, *self.beside)
+            for limit in LIMITS
+            if limit.name not in allowed
+        )
 
     @property
     def candidate(self) -> Candidate:
@@ -194,6 +196,13 @@ class Assessment:
         return "; ".join([c.why for c in self.failed] or ask * (not self.fits))
 
 
+def _margin(limit: Limit, d: Candidates) -> float:
+    """The margin of a row; NaN: not known, or not asked for."""
+    if limit.verdict is not None:
+        return -1.0 if limit.verdict(d).fails else np.nan
+    return float(limit.margin(d))
+
+
 def _hardness(criterion: Criterion) -> tuple[int, float]:
     """Order of one row in several cases: what fails, the least reserve, what is not known."""
     order = (Status.FAILS, Status.PASSES, Status.NOT_CHECKED, Status.NOT_REQUIRED)
@@ -203,6 +212,8 @@ def _hardness(criterion: Criterion) -> tuple[int, float]:
 
 def _worst(judged: Sequence[Assessment]) -> Assessment:
     """The case in which a drive fits worst, the others beside it."""
+    if len(judged) == 1:
+        return judged[0]
     worst = min(judged, key=lambda a: (a.fits, a.margin))
     others = tuple(a for a in judged if a is not worst)
     return replace(worst, beside=others) if others else worst
@@ -728,17 +739,24 @@ class DriveSearch:
                 voltage=np.maximum.reduce([_least_voltage(d.motor, *end) for end in ends]),
                 pull_out=self._least_pull_out(group, ends),
             )
-            d = replace(d, inertia=J, asked=asked)
-            least = np.broadcast_to(own, J.shape).copy()
-            for limit in LIMITS:
-                if limit.stage == "pair":
-                    margin = limit.margin(d)
-                    if limit.name in STEPS:  # no measure where it passes
-                        margin = np.where(margin >= 0, np.inf, margin)
-                    least = np.fmin(least, margin)
-            best = np.maximum(best, least)
+            best = np.maximum(best, _least_of_pairs(replace(d, inertia=J, asked=asked), own))
             lightest = np.minimum(lightest, group.mass[gears] + heavier)
         return best, lightest
+
+    def any_inertia(self, b: int, gears: np.ndarray) -> np.ndarray:
+        """Return (n, nm) upper bounds of gears' margins with every motor and any inertia.
+
+        <m^2> + 2 J <m a> + J^2 <a^2> + <h^2> is least at some J, if not at the one that is known.
+        """
+        rows = [self._row(b, int(g)) for g in gears]
+        mm, ma, aa, hh = np.array([row.means[:4] for row in rows]).T[:, :, None]
+        d = replace(self.arrays.groups[b].drives.of_gears(gears), case=self.case)
+        J = np.maximum(np.nan_to_num(d.inertia), -ma / np.maximum(aa, 1e-300))
+        square, unknown = mm + 2 * J * ma + J**2 * aa + hh, np.full(J.shape, np.nan)
+        rms = np.sqrt(np.maximum(square, 0.0)) * (1 - 1e-9)
+        asked = Figures(rms=rms, peak=unknown, voltage=unknown, pull_out=unknown)
+        own = np.array([self._of_entry(b, int(g)) for g in gears])[:, None]
+        return _least_of_pairs(replace(d, inertia=unknown, asked=asked), own)
 
     def _least_pull_out(self, group: _Group, ends: Sequence[tuple[np.ndarray, ...]]) -> np.ndarray:
         """(n, nm) lower bounds of the shares of a torque of their own; NaN: they have none."""
@@ -755,13 +773,18 @@ class DriveSearch:
         """Number of gears at a time of a group."""
         return max(1, _MOST // max(len(self.arrays.groups[b].motor_lacks), 1))
 
+    def some_at_a_time(self, b: int, gears: np.ndarray) -> Iterator[np.ndarray]:
+        """Yield gears of a group, so many at a time as memory allows for `margins`."""
+        step = self._step(b)
+        for k in range(0, len(gears), step):
+            yield gears[k : k + step]
+
     def bounds(
         self, b: int, gears: np.ndarray
     ) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
-        """Yield some gears at a time, as memory allows, with their `margins`."""
-        step = self._step(b)
-        for k in range(0, len(gears), step):
-            yield gears[k : k + step], *self.margins(b, gears[k : k + step])
+        """Yield gears, some at a time, with their `margins`."""
+        for some in self.some_at_a_time(b, gears):
+            yield some, *self.margins(b, some)
 
     @cached_property
     def _complete(self) -> list[np.ndarray]:
@@ -983,6 +1006,18 @@ def stiffness_of(assessment: Assessment) -> float:
 def momentary_peak(assessment: Assessment) -> float:
     """Return what the gear bears for a moment, N m or N; NaN: not known."""
     return float(first_known(assessment.drives.gear, STAND_INS["momentary_peak_torque"]))
+
+
+def _least_of_pairs(d: Candidates, own: np.ndarray) -> np.ndarray:
+    """(n, nm) the least of margins (n, 1) of gears and of the rows of pairs that are known."""
+    least = np.broadcast_to(own, d.inertia.shape).copy()
+    for limit in LIMITS:
+        if limit.stage == "pair":
+            margin = limit.margin(d)
+            if limit.name in STEPS:  # no measure where it passes
+                margin = np.where(margin >= 0, np.inf, margin)
+            least = np.fmin(least, margin)
+    return least
 
 
 def _least_voltage(

@@ -50,16 +50,17 @@ def _offers(search: DriveSearch) -> Iterator[tuple[int, float, int, int, int]]:
     """Yield missing figures, mass, group, gear and motor of what no bound rules out."""
     for b, group in enumerate(search.arrays.groups):
         able = _able(search, b)
-        # of others no bound is known: more inertia may help, and a servo may run hot
-        bounded = [
-            g
-            for g in able
-            if not EXTRA_INERTIAS & {*search.gear_lacks(group, g)}
-            and not is_servo(group.entries[g])
-        ]
-        for gears, leasts, _ in search.bounds(b, np.array(bounded, dtype=int)):
-            for g, least in zip(gears.tolist(), leasts, strict=True):
-                able[g] &= ~(least < 0)
+        bounded: dict[bool, list[int]] = {False: [], True: []}
+        for g in able:
+            lacks = {*search.gear_lacks(group, g)}
+            more = bool(lacks & EXTRA_INERTIAS)
+            if not is_servo(group.entries[g]) and not (more and "efficiency" in lacks):
+                bounded[more].append(g)  # of others no bound is known: a servo may run hot
+        for more, some in bounded.items():
+            for gears in search.some_at_a_time(b, np.array(some, dtype=int)):
+                least = search.any_inertia(b, gears) if more else search.margins(b, gears)[0]
+                for g, margins in zip(gears.tolist(), least, strict=True):
+                    able[g] &= ~(margins < 0)
         for g, motors_able in able.items():
             own, mass = search.gear_lacks(group, g), group.mass[g]
             for theirs, motors in group.by_lacks.items():
@@ -131,7 +132,7 @@ def _judged(search: DriveSearch, b: int, g: int, m: int, hot: bool) -> Assessmen
         return search.assess_each(made(inertia), lacks)
 
     def passes(assessment: Assessment) -> bool:
-        return all(c.name in (HEAT if hot else ()) for c in assessment.failed)
+        return not assessment.falls_short(HEAT if hot else ())
 
     assessment = assess(least * (1 + 1e-9))
     heavy = (assessment.mass or 0.0) > search.parts.most

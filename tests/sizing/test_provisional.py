@@ -20,6 +20,8 @@ from sizing_cases import (
 
 import pinfric as pf
 from pinfric.drives.criterion import Status
+from pinfric.drives.drivetrain import motor_with_gear
+from pinfric.drives.limits import LIMITS
 from pinfric.show.pages.sizing import sizing_page
 from pinfric.show.report.drives import lighter_table, provisional_table
 from pinfric.show.report.sizing import sizing_report, verdict
@@ -82,6 +84,33 @@ def test_a_missing_inertia_is_between_what_the_ratio_and_the_motor_permit(tmp_pa
     ):
         known = sized(tmp_path, {"input_inertia": inertia}, weak)
         assert (known.joints[0].choice is not None) == fits
+
+
+def test_bounds_of_a_missing_inertia_rule_out_nothing_that_fits(tmp_path):
+    """The rows of heat and voltage, judged exactly with any inertia, have no greater margin."""
+    motors = {f"M{x}": MOTOR | {"continuous_torque": x} for x in (0.2, 0.3, 0.45, 0.7)}
+    motors["other"] = MOTOR | {"nominal_voltage": 400.0, "resistance": None, "thermal": None}
+    motors = {name: {k: v for k, v in m.items() if v is not None} for name, m in motors.items()}
+    gear = {k: v for k, v in GEAR.items() if k != "input_inertia"}
+    path = write_catalog(tmp_path / "c.yaml", motors=motors, gears={"G": gear})
+    (joint,) = sized_cycle(path, on_miss="ignore").joints
+    search, group = joint.search, joint.search.arrays.groups[0]
+    (bounds,) = search.any_inertia(0, np.array([0]))
+    rows = {limit.name for limit in LIMITS if limit.stage == "pair"} - {"inertia ratio"}
+    for inertia in (0.0, 1e-5, 1e-4):
+        for m, bound in enumerate(bounds):
+            entry = group.entries[0].model_copy(update={"input_inertia": inertia})
+            drive = motor_with_gear(group.motor_names[m], group.motors[m], "G", entry, 100.0, 25.0)
+            judged = search.assess(drive)
+            exact = min(
+                c.margin for c in judged.criteria if c.name in rows and c.margin is not None
+            )
+            assert bound >= exact - 1e-9
+            for allowed in ((), ("continuous torque", "short-term torque")):
+                failed = any(c.name not in allowed for c in judged.failed)
+                assert judged.falls_short(allowed) == failed
+    assert (bounds < 0).any()
+    assert (bounds > 0).any()
 
 
 def test_a_missing_efficiency_is_the_worst_of_its_kind(tmp_path):
