@@ -39,6 +39,9 @@ def main() -> NoReturn:
     for number in (signal.SIGTERM, signal.SIGALRM):
         signal.signal(number, _interrupt)
     _open_standard_streams()
+    # before NumPy loads: products over many samples are short, and threads that wait for the next
+    # one spin; also of a sweep's processes, one a core
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     from pinfric.cli import main as run
 
     try:

@@ -366,9 +366,9 @@ def size(  # noqa: PLR0913 - options
             sensitivity=sensitivity,
             progress=tell,
         )
+        summary = sizing_summary(report, tell)
     if report.catalog is not None:
         run.read.extend(report.catalog.files)
-    summary = sizing_summary(report)
     page = partial(sizing_page, report, shlex.join(["pinfric", *run.words]), inputs())
     files: Files = {"report.html": lambda path: path.write_text(page(), encoding="utf-8")}
     if bill := bill_of_materials(report):

@@ -37,8 +37,9 @@ if TYPE_CHECKING:
 
 #: Exit code where the reader of our output left.
 NO_READER = 141
-#: Seconds between two lines that say how far a command is, where its output is no terminal.
-PERIOD = 10.0
+#: Seconds until the first line that says how far a command is, and between two, where its output is
+#: no terminal.
+_FIRST, PERIOD = 4.0, 10.0
 
 #: What matplotlib warns of where a font has no such letter.
 _NO_LETTER = re.compile(r"Glyph \d+ .*missing from")
@@ -331,7 +332,9 @@ def _repeated(line: Callable[[], str]) -> Iterator[None]:
     done = threading.Event()
 
     def tell() -> None:
-        while not done.wait(PERIOD):
+        wait = min(_FIRST, PERIOD)
+        while not done.wait(wait):
+            wait = PERIOD
             if not NOTICES["busy"]:
                 say(line())
 

@@ -6,6 +6,7 @@ import subprocess
 import sys
 import time
 import tomllib
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -30,6 +31,7 @@ from pinfric.formats import FORMATS
 from pinfric.kernels import NOTICES
 from pinfric.model.csv_text import number_of
 from pinfric.model.entry import Entry, parse
+from pinfric.sizing.choice import time_left
 
 
 def shell(*arguments, **options):
@@ -75,6 +77,58 @@ def test_on_a_pipe_a_line_says_how_far_a_command_is(capsys, monkeypatch):
         said = set(capsys.readouterr().err.splitlines())
         lines = {"pinfric: sizing: 0 s so far", "pinfric: stops: 3 of 7 done"}
         assert said == (set() if busy else lines)  # kernels that compile say their own
+
+
+def test_the_first_line_comes_sooner_than_the_next(monkeypatch, capsys):
+    monkeypatch.setattr(terminal, "_FIRST", 0.02)
+    monkeypatch.setitem(NOTICES, "busy", False)
+    with terminal.working("sizing") as tell:
+        tell("drive 2 of 3")
+        time.sleep(0.2)
+    assert capsys.readouterr().err == "pinfric: sizing: 0 s so far (drive 2 of 3)\n"
+
+
+def test_sizing_says_at_which_drive_it_is_until_its_end(files, monkeypatch, capsys):
+    said = list[str]()
+
+    @contextmanager
+    def heard(_):
+        yield said.append
+
+    monkeypatch.setattr(terminal, "working", heard)
+    monkeypatch.setattr(cli, "working", heard)
+    run("size", "arm.yaml", "way.yaml", "--catalog", "default")
+    capsys.readouterr()
+    assert said[0] == "inverse dynamics of the cycle"
+    rounds = [text for text in said if text.startswith("round ")]
+    count = len(pf.load_scene("arm.yaml").drives)
+    assert re.fullmatch(rf"round 1: \w+, drive 1 of {count}", rounds[0])
+    assert any(f"drive {count} of {count}" in text for text in rounds)
+    assert re.match(rf"what else fits: \w+, drive 1 of {count}", said[-count - 1])
+    assert said[-1] == "what to ask for"
+
+
+def test_time_is_left_in_proportion_to_like_steps_that_are_done(monkeypatch):
+    monkeypatch.setattr("pinfric.sizing.choice.monotonic", lambda: 130.0)
+    assert time_left(100.0, 10, 40) == ", about 90 s left"
+    assert time_left(100.0, 0, 40) == ""  # nothing is known
+    assert time_left(100.0, 39, 40) == ""  # less than a second
+    assert time_left(100.0, 40, 40) == ""
+
+
+def test_products_of_matrices_take_one_thread():
+    """Of the command line's process: set before NumPy loads, if nobody else did."""
+    code = (
+        "import os, sys; sys.argv = ['pinfric', '--version']; from pinfric.__main__ import main\n"
+        "try: main()\nexcept SystemExit: print(os.environ['OPENBLAS_NUM_THREADS'])"
+    )
+    for given, taken in ((None, "1"), ("2", "2")):
+        env = {k: v for k, v in os.environ.items() if k != "OPENBLAS_NUM_THREADS"}
+        env |= {"PYTHONPATH": str(ROOT)} | (
+            {} if given is None else {"OPENBLAS_NUM_THREADS": given}
+        )
+        done = subprocess.run([sys.executable, "-c", code], env=env, capture_output=True, text=True)
+        assert done.stdout.splitlines()[-1] == taken
 
 
 def test_defect_is_one_line_unless_a_traceback_is_asked_for(files, capsys, monkeypatch):

@@ -117,6 +117,16 @@ def asked(task: Task, memory: Memory, choice: Choice, i: int, alone: str = "") -
     return memory.asked(task, i, load, choice.stops(i), banned, choice.most)
 
 
+def time_left(began: float, done: int, total: int) -> str:
+    """Return ", about 12 s left" of like steps; empty while none is done, or a second is left.
+
+    Args:
+        began: `time.monotonic()` at the first. done, total: their numbers.
+    """
+    seconds = (monotonic() - began) * (total - done) / max(done, 1)
+    return f", about {seconds:.0f} s left" if done and seconds >= 1.0 else ""
+
+
 # ------------------------------------------------------------------------------ the questions
 
 
@@ -147,10 +157,12 @@ def _inward(
     task: Task, memory: Memory, choice: Choice, taken: dict[int, Assessment]
 ) -> Iterator[tuple[int, Asked]]:
     """Yield the joints that take a drive, from the tips to the base, below what is `taken` then."""
-    count = len(task.scene.drives)
+    count, began = len(task.scene.drives), monotonic()
     for k, i in enumerate(tip_to_base(task.scene), start=1):
+        left = time_left(began, k - 1, count)
         task.progress(
             f"round {choice.rounds + 1}: {task.scene.drives[i].name}, drive {k} of {count}"
+            + f"{left} in this round" * bool(left)  # how many rounds follow is not known
         )
         found = asked(task, memory, replace(choice, taken=taken), i)
         if found is not None:
@@ -404,8 +416,7 @@ def _simulated(
     began = monotonic()
 
     def tell(done: int, total: int) -> None:
-        left = (monotonic() - began) * (total - done) / done
-        count = f"{done} of about {total}, about {left:.0f} s left"
+        count = f"{done} of about {total}{time_left(began, done, total)}"
         task.progress(f"stops of the chosen drives: {count}")
 
     try:

@@ -116,8 +116,10 @@ def size(
     rated = None if rating is None else rate(scene, rating)
     arrays = {} if catalog is None else catalog_arrays(catalog, wanted, scene)
     memory = Memory()
+    tell("inverse dynamics of the cycle" if rated is None else "inverse dynamics of the rating")
     given = task_of(scene, trajectory, catalog, wanted, tell, arrays, rated)
     task, choice = settle(given, memory, Choice(), QUESTIONS)
+    tell("the robot with these drives")
     report = _report(task, memory, choice)
     if sensitivity:
         by = None if rating is None else (parse_rating(rating), rate)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from time import monotonic
 from typing import Any
 
 import numpy as np
@@ -20,6 +21,7 @@ from pinfric.model.described import EFFORT, INERTIA, SPEED, described, gathered,
 from pinfric.model.mass_matrix import frame_jacobians
 from pinfric.model.robot import link_frame
 from pinfric.motions.rating import Rated
+from pinfric.sizing.choice import time_left
 from pinfric.sizing.drive_search import Ask, Assessment, stiffness_of
 from pinfric.sizing.report import JointSizing, SizingReport
 from pinfric.sizing.sensitivity import Sensitivity
@@ -298,9 +300,17 @@ class SizingSummary:
     notes: tuple[str, ...] = quantity("assumptions, and what was not checked")
 
 
-def sizing_summary(report: SizingReport) -> SizingSummary:
-    """Return the summary of a sizing."""
-    t, duty = report.result.times, report.duty
+def sizing_summary(
+    report: SizingReport, progress: Callable[[str], object] = lambda _: None
+) -> SizingSummary:
+    """Return the summary of a sizing; `progress`: called with a line of text at each joint."""
+    t, duty, joints = report.result.times, report.duty, list[SizedJoint]()
+    began = monotonic()
+    for k, lever in enumerate(levers(report)):
+        done = f"drive {k + 1} of {len(report.joints)}{time_left(began, k, len(report.joints))}"
+        progress(f"what else fits: {report.joints[k].name}, {done}")
+        joints.append(_sized_joint(report, k, lever))
+    progress("what to ask for")
     return gathered(
         SizingSummary,
         report,
@@ -312,7 +322,7 @@ def sizing_summary(report: SizingReport) -> SizingSummary:
             PeriodCycle(name, n) for name, n in zip(duty.names, duty.repeats, strict=False) if n
         ),
         off=float(t[-1] - t[duty.starts[-2]]) if duty.off else 0.0,
-        joints=tuple(_sized_joint(report, k, lever) for k, lever in enumerate(levers(report))),
+        joints=tuple(joints),
         mountings=tuple(_hardest(joint) for joint in report.joints if joint.mountings),
         lighter=_lighter(report),
         ask=to_ask(report),
