@@ -110,8 +110,11 @@ def bind(problem: Problem, bound: np.ndarray, rows: np.ndarray, X: np.ndarray) -
         X: (nc, columns) y as a map, overwritten with x.
     """
     nc, columns = X.shape
-    held = np.flatnonzero(bound)
-    n = held.size
+    held, n = np.empty(nc, np.int64), 0
+    for c in range(nc):
+        if bound[c]:
+            held[n] = c
+            n += 1
     A, B = np.empty((n, n)), np.empty((n, columns))
     for i in range(n):
         c, across, along, rest = held[i], 0.0, 1.0, 0.0

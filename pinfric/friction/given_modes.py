@@ -90,9 +90,11 @@ def reduce_problem(
         rows: (nc, 3), `gears.write_rows`; (0, 3) without gears.
     """
     nc, ne = stuck.size, problem.constant.size
-    law, entry_gain, unknown = np.empty(nc), np.empty(ne), np.full(nc, -1, np.int64)
+    law, entry_gain, unknown = np.empty(nc), np.empty(ne), np.empty(nc, np.int64)
     slip_law(problem, stuck, direction, entry_gain, law)
     nz = count = 0
+    for c in range(nc):
+        unknown[c] = -1
     bound = are_bound(stuck, rows)
     for t in range(problem.contact_entry.size):
         s = problem.contact_entry[t]
@@ -112,7 +114,10 @@ def reduce_problem(
             X[c, 0] = law[c]
     place, gain, contact = np.empty(count, np.int64), np.empty(count), np.zeros((count, 1 + nz, 3))
     reduced = Reduced(unknown, X, offset, place, gain, contact)
-    if bound.any() and not bind(problem, bound, rows, X):
+    binds = False
+    for c in range(nc):
+        binds |= bound[c]
+    if binds and not bind(problem, bound, rows, X):
         return -1, reduced
     _reduce_contacts(problem, bound, entry_gain, reduced)
     return nz, reduced
@@ -339,7 +344,8 @@ def solve_given_modes(
     if nz < 0:
         return 0
     if nz == 0:
-        solutions[0] = reduced.X[:, 0]
+        for c in range(stuck.size):
+            solutions[0, c] = reduced.X[c, 0]
         return 1
     A, perron = np.empty((nz, nz)), np.empty(nz)
     contraction_matrix(reduced, A)
@@ -434,7 +440,9 @@ def slide(problem: Problem, modes: Modes) -> bool:  # noqa: C901
     for c in range(nc):
         if modes.stuck[c] or modes.at_rest[c]:
             return False
-    law, offset, unknown, nz = np.empty(ne), np.empty(nc), np.full(nc, -1, np.int64), 0
+    law, offset, unknown, nz = np.empty(ne), np.empty(nc), np.empty(nc, np.int64), 0
+    for c in range(nc):
+        unknown[c] = -1
     slip_law(problem, modes.stuck, modes.direction, law, offset)
     contact, nt, ng = problem.contact, problem.contact_entry.size, modes.effort.size
     place, gain, length = np.empty(nt, np.int64), np.empty(nt), np.empty(nt)
@@ -465,7 +473,8 @@ def slide(problem: Problem, modes: Modes) -> bool:  # noqa: C901
     reduced = Reduced(unknown, J, offset, place, gain, contact)  # z is x: X is not read
     for passes in range(_PASSES):
         error = write_residual(reduced, x, residual, J, length)
-        load[:] = problem.constant
+        for s in range(ne):
+            load[s] = problem.constant[s]
         for t in range(nt):
             load[problem.contact_entry[t]] += length[t]
         if ng > 0:
@@ -647,7 +656,8 @@ def try_modes(problem: Problem, modes: Modes, chosen: bool) -> tuple[int, int]:
         )
         first, obeying, wrong, there = -1, 0, 0, 0
         for i in range(found - 1, -1, -1):
-            friction[:] = solutions[i]
+            for c in range(nc):
+                friction[c] = solutions[i, c]
             evaluate(problem, friction, modes.load, modes.rate)
             left, changed = fit_within(problem, modes, lines, True) if ng > 0 else (0, 0)
             if left > 0 and chosen:
@@ -657,7 +667,8 @@ def try_modes(problem: Problem, modes: Modes, chosen: bool) -> tuple[int, int]:
             if first < 0 or obeys or obeying == 0:
                 first, wrong = i, left + changed
         if first > 0:  # another was written last
-            friction[:] = solutions[first]
+            for c in range(nc):
+                friction[c] = solutions[first, c]
             evaluate(problem, friction, modes.load, modes.rate)
             fit(problem, modes, lines, True)
             judge(problem, modes)

@@ -42,7 +42,8 @@ def write_loads(
         load: (n,), overwritten.
     """
     p = np.empty(3)
-    load[:] = constant
+    for s in range(load.size):
+        load[s] = constant[s]
     for t in range(owner.size):
         load[owner[t]] += contact_force(contact, t, x, p)
 

@@ -118,7 +118,8 @@ def _along_one(direct: np.ndarray, gain: np.ndarray, block: np.ndarray, z: np.nd
     """
     n = direct.size
     length, bound = np.empty(n), 1e3 * np.abs(direct).max()
-    z[:] = direct
+    for j in range(n):
+        z[j] = direct[j]
     for _ in range(50):
         for k in range(n):  # |z| of its joint, a part for each of the joint's columns
             square, number = 0.0, 0
@@ -134,7 +135,8 @@ def _along_one(direct: np.ndarray, gain: np.ndarray, block: np.ndarray, z: np.nd
             most, change = max(most, abs(new)), max(change, abs(new - z[j]))
             z[j] = new
         if not most < bound:
-            z[:] = direct
+            for j in range(n):
+                z[j] = direct[j]
             return
         if change <= 1e-12 * most:
             return

@@ -229,7 +229,9 @@ def _balance(
         if not share_work(plan.drives, entries, total_effort, J, free[:, :spare].copy(), y, still):
             return -1
         spare -= shifts
-        free[:, :spare] = still
+        for c in range(ny):
+            for f in range(spare):
+                free[c, f] = still[c, f]
     return spare
 
 

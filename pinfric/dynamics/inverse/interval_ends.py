@@ -282,7 +282,8 @@ def solve_samples(search: Search) -> None:
                 for drive in range(ends.shape[0]):
                     for side in range(2):
                         _flip(search, i, drive, side)
-        last[:] = island.last
+        for s in range(last.size):
+            last[s] = island.last[s]
         for d in range(ends.shape[0]):
             answer.lower[i, d] += ends[d, 0]
             answer.upper[i, d] += ends[d, 1]
@@ -576,8 +577,11 @@ def _turn(search: Search, i: int, drive: int, side: int) -> bool:
             for s in range(ns):
                 g[axis] += sign * h[s, 0] * L[s, e + axis]
         size = np.sqrt(g[0] * g[0] + g[1] * g[1] + g[2] * g[2])
-        if size > 0.0 and np.abs(g / size - direction[e : e + 3]).max() >= _STAYS:
-            direction[e : e + 3] = g / size
+        turns = False
+        for axis in range(3 if size > 0.0 else 0):
+            turns |= abs(g[axis] / size - direction[e + axis]) >= _STAYS
+        for axis in range(3 if turns else 0):
+            direction[e + axis] = g[axis] / size
             moved = True
     if moved:
         _direct(search, i)

@@ -444,7 +444,9 @@ def _write_problem_rates(machine: Machine, v: np.ndarray, step: float) -> None:
     rate_free, rate_scale, rate_slope = p.rate_free, p.rate_scale, p.rate_slope
     nc, nv = D.shape
     scale = step if step > 0.0 else 1.0
-    root, dead = np.sqrt(scale), np.zeros(nc, np.bool_)
+    root, dead = np.sqrt(scale), np.empty(nc, np.bool_)
+    for c in range(nc):
+        dead[c] = False
     if k.tilt.size > 0:  # there are pairs, along which coordinates may depend on each other
         _find_dead_centres(machine, dead)
     for c in range(nc):
@@ -554,14 +556,15 @@ def write_accelerations(
         maps.push,
     )
     nv, closed, rank = v.size, t.multipliers > 0, 0
-    if machine.plan.drives.gears.ratio.size > 0:
+    motors, arriving = machine.plan.drives.gears.ratio.size > 0, machine.rotors.arriving
+    if motors:
         write_gears(machine, v, effort, step)
-    else:
-        machine.rotors.arriving[:] = effort
     given[:] = 0.0
     for d in range(effort.size):
+        if not motors:
+            arriving[d] = effort[d]
         for i in range(nv):
-            given[i] += machine.kinematics.S[d, i] * machine.rotors.arriving[d]
+            given[i] += machine.kinematics.S[d, i] * arriving[d]
     write_mass_matrix(machine)
     if step > 0.0:
         _add_drag(machine, step)
@@ -570,7 +573,9 @@ def write_accelerations(
     maps.freedoms[0] = nv - rank
     if closed and rank < nv - t.freedoms:
         return TOGGLE
-    size = np.abs(q).sum()
+    size = 0.0
+    for i in range(q.size):
+        size += abs(q[i])
     for i in range(nv):
         terms[i] = abs(given[i]) + abs(h[i])
         push[i] = given[i] = given[i] - h[i]
