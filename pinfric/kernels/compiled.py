@@ -19,22 +19,26 @@ import llvmlite
 import numba
 import numpy as np
 from llvmlite import binding as llvm
-from numba import typeof
+from numba import config, typeof
 from numba.core.bytecode import FunctionIdentity
 from numba.core.caching import FunctionCache, IndexDataCacheFile, NullCache
 from numba.core.codegen import CPUCodeLibrary
+from numba.core.compiler_lock import global_compiler_lock
+from numba.core.cpu import CPUContext
 from numba.core.dispatcher import Dispatcher, _FunctionCompiler  # type: ignore[attr-defined]
-from numba.core.types import unliteral
+from numba.core.runtime import rtsys
+from numba.core.sigutils import normalize_signature
 
 from pinfric.errors import PinfricError, PinfricWarning
 from pinfric.kernels import records
+from pinfric.kernels.dispatch import compiled_for, load, template
 from pinfric.kernels.interpreted import CLOCK, interpreted, is_small
 from pinfric.kernels.progress import CompileProgress
 from pinfric.kernels.records import Fields, RecordType, boxed, described, record_type, refuse_lent
 from pinfric.kernels.stamp import SIZE, content, digest, stamp
 
 #: Of what the files hold, and of how kernels are compiled.
-_FORMAT = 3
+_FORMAT = 4
 #: What else makes a kernel what it is.
 _MADE_BY = (
     _FORMAT,
@@ -54,7 +58,19 @@ _INNER = {
     _FunctionCompiler: ("_compile_core",),
     CPUCodeLibrary: ("_get_module_for_linking",),
     FunctionIdentity: ("_unique_ids",),
-    Dispatcher: ("_compile_for_args", "compile", "get_call_template"),
+    CPUContext: (
+        "create_cpython_wrapper",
+        "get_executable",
+        "insert_user_function",
+    ),
+    Dispatcher: (
+        "_compile_for_args",
+        "_insert",
+        "add_overload",
+        "compile",
+        "fold_argument_types",
+        "get_call_template",
+    ),
     FunctionCache: ("load_overload", "save_overload", "_impl_class", "_index_key"),
     IndexDataCacheFile: ("_dump", "_load_index", "_load_data", "_save_index", "_save_data"),
 }
@@ -117,9 +133,8 @@ def entry_point(kernel: Any, *arguments: Any) -> Callable[..., Any]:
 
     A call takes 0.5 us, and 2 us with numba's look at five arguments.
     """
-    compile_for(kernel, *arguments)
     types_ = tuple(typeof(argument) for argument in arguments)
-    return cast("Callable[..., Any]", kernel.overloads[types_].entry_point)
+    return cast("Callable[..., Any]", kernel.compile(types_))
 
 
 @contextmanager
@@ -155,49 +170,74 @@ def parallel_kernel(function: Callable[..., Any]) -> Callable[..., Any]:
 def _compiled(
     function: Callable[..., Any], options: dict[str, Any], *, waits: bool
 ) -> Callable[..., Any]:
-    dispatcher: Callable[..., Any] = numba.njit(**options)(function)
+    options |= {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+    dispatcher: Any = numba.njit(**options)(function)
     try:
         cached: Any = _CheckedCache(function, options)
         CLOCK.keep_in(cached.cache_path)
         _KERNELS.setdefault(cached.name, []).append(dispatcher)
-        compiler = dispatcher._compiler  # type: ignore[attr-defined]
+        compiler = dispatcher._compiler
         compiler._compile_core = _as_kept(compiler._compile_core, cached)
     except RuntimeError:  # numba finds no folder to cache in (a read-only installation)
         cached = _NoCache(function)
     vars(dispatcher)["_cache"] = cached
-    call_template = dispatcher.get_call_template  # type: ignore[attr-defined]
+    entries: dict[tuple[Any, ...], Any] = {}
+
+    def compile_to_call(sig: Any) -> Any:
+        """Compile for a call from Python, and return what it calls: most are called by kernels."""
+        types_ = normalize_signature(sig)[0]
+        if types_ not in entries:
+            with global_compiler_lock:
+                entries[types_] = cached.entry(compiled_for(dispatcher, types_))
+            dispatcher._insert([kind._code for kind in types_], entries[types_], False)
+        return entries[types_]
 
     def template_of_types(args: Any, kws: Any) -> Any:
         """Compile callees by types; numba would compile one for each constant."""
-        named = {name: unliteral(kind) for name, kind in kws.items()}
-        return call_template([unliteral(kind) for kind in args], named)
+        return template(
+            dispatcher,
+            args,
+            kws,
+            lambda types_: compiled_for(dispatcher, types_).signature.return_type,
+        )
 
+    def add_overload(compiled: Any) -> None:
+        dispatcher.overloads[tuple(compiled.signature.args)] = compiled
+
+    vars(dispatcher)["compile"] = compile_to_call
+    vars(dispatcher)["add_overload"] = add_overload
     vars(dispatcher)["get_call_template"] = template_of_types
     if waits:
-        compiled_for = dispatcher._compile_for_args  # type: ignore[attr-defined]
+        for_arguments = dispatcher._compile_for_args
 
         def first_call(*arguments: Any) -> Any:
             if is_small(arguments) and not is_ready(dispatcher, arguments):
-                return interpreted(dispatcher, compiled_for)
-            return compiled_for(*arguments)
+                return interpreted(dispatcher, for_arguments)
+            return for_arguments(*arguments)
 
         vars(dispatcher)["_compile_for_args"] = first_call
     return dispatcher
 
 
 def _as_kept(compile_core: Callable[..., Any], cached: Any) -> Callable[..., Any]:
-    """Compile without garbage collection, under one symbol in every process (`_Place`)."""
+    """Compile without garbage collection, under one symbol in every process (`_Place`).
+
+    Loops are not vectorized: they are short, and LLVM would take a fifth longer.
+    """
 
     def run(*arguments: Any) -> Any:  # numba holds its lock
         number = int.from_bytes(digest(cached.index.encode()))
         collects, numbers = gc.isenabled(), FunctionIdentity._unique_ids
         FunctionIdentity._unique_ids = chain([number], numbers)  # type: ignore[assignment]
         gc.disable()
+        vectorizes = config.LOOP_VECTORIZE  # type: ignore[attr-defined]
+        config.LOOP_VECTORIZE = 0  # type: ignore[attr-defined]
         try:
             compiled = compile_core(*arguments)
             refuse_lent(compiled)
             return compiled
         finally:
+            config.LOOP_VECTORIZE = vectorizes  # type: ignore[attr-defined]
             FunctionIdentity._unique_ids = numbers
             if collects:
                 gc.enable()
@@ -227,6 +267,22 @@ _MISSING: set[Any] = set()
 PROGRESS = CompileProgress()
 
 
+def _wrapper(compiled: Any) -> Any:
+    """Return a library with what Python calls to call a kernel."""
+    context, name = compiled.target_context, compiled.fndesc.llvm_cpython_wrapper_name
+    library = context.codegen().create_library(name)
+    library.enable_object_caching()
+    library.add_linking_library(rtsys.library)
+    context.create_cpython_wrapper(
+        library, compiled.fndesc, compiled.environment, None, release_gil=True
+    )
+    return library
+
+
+def _entry(compiled: Any, library: Any) -> Any:
+    return compiled.target_context.get_executable(library, compiled.fndesc, compiled.environment)
+
+
 class _NoCache(NullCache):
     """The cache where no folder is writable: it keeps nothing."""
 
@@ -236,6 +292,10 @@ class _NoCache(NullCache):
     def __init__(self, function: Callable[..., Any]) -> None:
         super().__init__()
         self._function = function
+
+    def entry(self, compiled: Any) -> Any:
+        """Return what Python calls to call a kernel."""
+        return _entry(compiled, _wrapper(compiled))
 
     def load_overload(self, sig: Any, target_context: Any) -> None:
         """Find nothing: numba compiles next."""
@@ -345,7 +405,7 @@ class _Place(_Numba):
         """Return the kernel; None if one that it calls has changed or is missing in the cache."""
         called, kernel_itself = content
         for symbol, name, index, types_ in called:
-            if not _is_loaded(symbol, name, index, types_, target_context):
+            if not _is_loaded(symbol, name, index, types_):
                 return None
         compiled = super().rebuild(target_context, kernel_itself)
         self._call(compiled)
@@ -359,23 +419,15 @@ class _Place(_Numba):
             library._shared_module = llvm.parse_assembly("")  # callers declare what they call
 
 
-def _is_loaded(
-    symbol: str, name: str, index: str, types_: tuple[Any, ...], target_context: Any
-) -> bool:
+def _is_loaded(symbol: str, name: str, index: str, types_: tuple[Any, ...]) -> bool:
     """Load a kernel, and return whether it has this symbol: LLVM ends the process at another."""
     found = (kernel for kernel in _KERNELS.get(name, ()) if kernel._cache.index == index)
-    dispatcher = next(found, None)
-    if dispatcher is None:
+    kernel = next(found, None)
+    if kernel is None or (
+        types_ not in kernel.overloads and not load(kernel, types_, kernel._cache.kept)
+    ):
         return False
-    if types_ not in dispatcher.overloads:
-        overload = dispatcher._cache.kept(types_, target_context)
-        if overload is None:
-            return False
-        target_context.insert_user_function(
-            overload.entry_point, overload.fndesc, [overload.library]
-        )
-        dispatcher.add_overload(overload)
-    return bool(dispatcher.overloads[types_].fndesc.llvm_func_name == symbol)
+    return bool(kernel.overloads[types_].fndesc.llvm_func_name == symbol)
 
 
 class _CheckedCache(FunctionCache):
@@ -421,6 +473,19 @@ class _CheckedCache(FunctionCache):
         if compiled is not None:
             PROGRESS.end(self._function, compiled=False)
         return compiled
+
+    def entry(self, compiled: Any) -> Any:
+        """Return what Python calls to call a kernel, cached beside it."""
+        key = *self._index_key(compiled.signature, compiled.codegen), "from Python"
+        constants = compiled.environment.consts  # the wrapper reads those that it needs by place
+        if (kept := self._cache_file.load(key)) is not None:
+            constants[:], library = kept[0], compiled.codegen.unserialize_library(kept[1])
+            return _entry(compiled, library)
+        library = _wrapper(compiled)
+        entry = _entry(compiled, library)
+        with suppress(OSError):
+            self._cache_file.save(key, (list(constants), library.serialize_using_object_code()))
+        return entry
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """Return the cached kernel; if None, numba compiles next."""
