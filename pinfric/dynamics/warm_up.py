@@ -25,8 +25,9 @@ def warm_up(scene: Scene) -> float:
 
     They are those of `scene.solver()`, of `inverse_dynamics` on one thread and on several, of
     `forward_dynamics`, `holds` and `simulate` by every method. They are kept in numba's cache, from
-    which later runs load them in a second or two. All open chains need the same kernels; loops and
-    drives off the joints need some more. A line on stderr says when something is compiled.
+    which later runs load them in a second or two. All open chains need the same kernels; gears,
+    loops and drives off the joints need some more. A line on stderr says when something is
+    compiled.
     """
     expect_scene(scene, "warm_up")
     start = time.perf_counter()

@@ -28,7 +28,7 @@ from pinfric.friction.balance import RANK
 from pinfric.friction.dense import solve_dense
 from pinfric.friction.law import add_load_slopes, entry_limits, slip_law, write_rates
 from pinfric.friction.problem import Modes, Problem
-from pinfric.kernels.compiled import inlined, inlined_kernel, kernel
+from pinfric.kernels.compiled import inlined, inlined_kernel, kernel, late_kernel
 
 #: An effort beyond its line by this fraction of the terms of its sum is rounding.
 _ROUNDING = 1e-12
@@ -178,7 +178,23 @@ def guess_lines(
         write_rows(problem, modes, lines, rows)
 
 
-@kernel
+@late_kernel("gears")
+def choose_lines(
+    problem: Problem, modes: Modes, y: np.ndarray, lines: np.ndarray, rows: np.ndarray, guess: bool
+) -> None:
+    """Write the friction y (nc,) of bearings that slip, and lines and rows around `modes.effort`.
+
+    Args:
+        lines, rows: see `write_rows`; overwritten.
+        guess: whether to look for lines that fit (`guess_lines`).
+    """
+    slip_friction(problem, modes, y)
+    write_rows(problem, modes, lines, rows)
+    if guess:
+        guess_lines(problem, modes, y, lines, rows)
+
+
+@late_kernel("gears")
 def fit(problem: Problem, modes: Modes, lines: np.ndarray, rests: bool) -> tuple[int, int]:
     """Write the efforts of gears, of which friction, loads and rates are written, into `modes`.
 
@@ -291,6 +307,21 @@ def gear_margins(problem: Problem, modes: Modes, g: int) -> tuple[float, float]:
         if end >= needed - least:
             return given - lower, upper - given
         start = end
+
+
+@late_kernel("gears")
+def turn_gears(problem: Problem, modes: Modes) -> None:
+    """Let gears at rest that give way slip as their law is broken: of a worm against the load.
+
+    Args:
+        modes: `Modes`, judged; its `verdict` is changed.
+    """
+    for g in range(problem.gear_rotor.shape[0]):
+        c = problem.coordinate[gear_entry(problem, g)]
+        if modes.stuck[c] and abs(modes.verdict[c]) == 1:
+            backward, forward = gear_margins(problem, modes, g)
+            if min(backward, forward) < 0.0:
+                modes.verdict[c] = -1 if backward < forward else 1
 
 
 def lines_and_rows(problem: Problem, modes: Modes) -> tuple[np.ndarray, ...]:

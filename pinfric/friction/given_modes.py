@@ -18,13 +18,11 @@ from pinfric.friction.gears import (
     MOST_PASSES,
     are_bound,
     bind,
+    choose_lines,
     fit,
     fit_within,
     gear_entry,
-    gear_margins,
-    guess_lines,
-    slip_friction,
-    write_rows,
+    turn_gears,
     write_rows_within,
 )
 from pinfric.friction.law import (
@@ -35,7 +33,7 @@ from pinfric.friction.law import (
     write_rates,
 )
 from pinfric.friction.problem import Modes, Problem
-from pinfric.kernels.compiled import kernel
+from pinfric.kernels.compiled import kernel, late_kernel
 
 #: A residual below this many times the size of the terms it is the difference of is rounding.
 RESIDUAL = 1e-15
@@ -428,7 +426,7 @@ _PASSES = 12
 
 
 @kernel
-def slide(problem: Problem, modes: Modes) -> bool:  # noqa: C901
+def slide(problem: Problem, modes: Modes) -> bool:
     """Write the solution in modes in which nothing rests, see the module's text; False: not solved.
 
     Newton's method goes over the lines of gears, too, if they rise.
@@ -436,6 +434,18 @@ def slide(problem: Problem, modes: Modes) -> bool:  # noqa: C901
     Args:
         modes: `Modes`; the solve starts from its `friction` and `effort`.
     """
+    return _slide_along(problem, modes) if modes.effort.size > 0 else _slide(problem, modes, None)
+
+
+@late_kernel("gears")
+def _slide_along(problem: Problem, modes: Modes) -> bool:
+    """`slide` with gears on lines."""
+    return _slide(problem, modes, np.empty((modes.effort.size, 4)))
+
+
+@kernel
+def _slide(problem: Problem, modes: Modes, lines: np.ndarray | None) -> bool:  # noqa: C901
+    """`slide`; numba leaves out what belongs to gears where lines (ng, 4) are None."""
     x, load, (nc, ne) = modes.friction, modes.load, (modes.friction.size, modes.load.size)
     for c in range(nc):
         if modes.stuck[c] or modes.at_rest[c]:
@@ -452,18 +462,17 @@ def slide(problem: Problem, modes: Modes) -> bool:  # noqa: C901
         if gain[t] != 0.0 and unknown[place[t]] < 0:
             unknown[place[t]] = nz
             nz += 1
-    for g in range(ng):
-        c = problem.coordinate[gear_entry(problem, g)]
-        if unknown[c] < 0:
-            unknown[c] = nz
-            nz += 1
+    if lines is not None:
+        for g in range(ng):
+            c = problem.coordinate[gear_entry(problem, g)]
+            if unknown[c] < 0:
+                unknown[c] = nz
+                nz += 1
     back, J, residual = np.empty((nz, nz)), np.empty((nc, nc)), np.empty(nc)
     contraction = _contraction(contact, place, gain, unknown, back)
     if nz == 0 or not contraction < _CLEAR:
         return False
-    lines = rows = J  # not used without gears
-    if ng > 0:
-        lines, rows = np.empty((ng, 4)), np.empty((nc, 3))
+    rows = J if lines is None else np.empty((nc, 3))  # not used without gears
     for s in range(ne):
         offset[problem.coordinate[s]] += law[s] * problem.constant[s]
     started = x[0] == x[0]
@@ -477,7 +486,7 @@ def slide(problem: Problem, modes: Modes) -> bool:  # noqa: C901
             load[s] = problem.constant[s]
         for t in range(nt):
             load[problem.contact_entry[t]] += length[t]
-        if ng > 0:
+        if lines is not None:
             write_rates(problem, x, modes.rate)
             if passes > 0:
                 fit_within(problem, modes, lines, False)
@@ -485,14 +494,17 @@ def slide(problem: Problem, modes: Modes) -> bool:  # noqa: C901
             if not rows[:, 0].min() > _RISES:
                 return False
             error = _with_gears(problem, modes, rows, J, residual)
-        if error <= RESIDUAL * (8 + nz) and (ng == 0 or fit(problem, modes, lines, False)[0] == 0):
-            if ng > 0:
+        solved = error <= RESIDUAL * (8 + nz)
+        if lines is not None:
+            solved = solved and fit(problem, modes, lines, False)[0] == 0
+        if solved:
+            if lines is not None:
                 contraction = _behind_gears(problem, modes, rows, unknown, back)
                 if not contraction < _CLEAR:
                     break
             modes.figures[0], modes.figures[1] = contraction, passes
             modes.verdict[:] = 0
-            if ng == 0:
+            if lines is None:
                 write_rates(problem, x, modes.rate)
             return True
         _eliminate(J, residual)
@@ -617,12 +629,8 @@ def _judge_resting(problem: Problem, modes: Modes) -> int:
         elif not modes.direction[c] * modes.rate[c] >= -ROUNDING * terms:
             verdict[c] = SHOULD_STICK
         wrong += verdict[c] != 0
-    for g in range(problem.gear_rotor.shape[0]):  # slips the way its law is broken: a worm's may be
-        c = problem.coordinate[gear_entry(problem, g)]  # against the load
-        if modes.stuck[c] and abs(verdict[c]) == 1:
-            backward, forward = gear_margins(problem, modes, g)
-            if min(backward, forward) < 0.0:
-                verdict[c] = -1 if backward < forward else 1
+    if problem.gear_rotor.shape[0] > 0:
+        turn_gears(problem, modes)
     return wrong
 
 
@@ -647,10 +655,7 @@ def try_modes(problem: Problem, modes: Modes, chosen: bool) -> tuple[int, int]:
     for passes in range(MOST_PASSES):
         if ng > 0:
             guess = np.empty(nc)
-            slip_friction(problem, modes, guess)
-            write_rows(problem, modes, lines, rows)
-            if passes == 0 and not chosen:
-                guess_lines(problem, modes, guess, lines, rows)
+            choose_lines(problem, modes, guess, lines, rows, passes == 0 and not chosen)
         found = solve_given_modes(
             problem, modes.stuck, modes.direction, rows, guess, solutions, modes.figures
         )
@@ -659,7 +664,7 @@ def try_modes(problem: Problem, modes: Modes, chosen: bool) -> tuple[int, int]:
             for c in range(nc):
                 friction[c] = solutions[i, c]
             evaluate(problem, friction, modes.load, modes.rate)
-            left, changed = fit_within(problem, modes, lines, True) if ng > 0 else (0, 0)
+            left, changed = fit(problem, modes, lines, True) if ng > 0 else (0, 0)
             if left > 0 and chosen:
                 continue
             obeys = judge(problem, modes) == 0
@@ -670,7 +675,8 @@ def try_modes(problem: Problem, modes: Modes, chosen: bool) -> tuple[int, int]:
             for c in range(nc):
                 friction[c] = solutions[first, c]
             evaluate(problem, friction, modes.load, modes.rate)
-            fit(problem, modes, lines, True)
+            if ng > 0:
+                fit(problem, modes, lines, True)
             judge(problem, modes)
         if chosen or found <= 0 or wrong == 0:
             return min(found, there), obeying

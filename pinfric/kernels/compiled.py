@@ -30,15 +30,16 @@ from numba.core.runtime import rtsys
 from numba.core.sigutils import normalize_signature
 
 from pinfric.errors import PinfricError, PinfricWarning
-from pinfric.kernels import records
+from pinfric.kernels import late, records
 from pinfric.kernels.dispatch import compiled_for, load, template
 from pinfric.kernels.interpreted import CLOCK, interpreted, is_small
+from pinfric.kernels.late import called_late, make_late, slot
 from pinfric.kernels.progress import CompileProgress
 from pinfric.kernels.records import Fields, RecordType, boxed, described, record_type, refuse_lent
 from pinfric.kernels.stamp import SIZE, content, digest, stamp
 
 #: Of what the files hold, and of how kernels are compiled.
-_FORMAT = 4
+_FORMAT = 5
 #: What else makes a kernel what it is.
 _MADE_BY = (
     _FORMAT,
@@ -46,6 +47,7 @@ _MADE_BY = (
     llvmlite.__version__,
     np.__version__,
     content(records.__file__),
+    content(late.__file__),
 )
 #: So many versions of a kernel's sources keep what was compiled from them.
 _KEPT = 8
@@ -61,6 +63,7 @@ _INNER = {
     CPUContext: (
         "create_cpython_wrapper",
         "get_executable",
+        "insert_func_defn",
         "insert_user_function",
     ),
     Dispatcher: (
@@ -70,6 +73,7 @@ _INNER = {
         "compile",
         "fold_argument_types",
         "get_call_template",
+        "get_overload",
     ),
     FunctionCache: ("load_overload", "save_overload", "_impl_class", "_index_key"),
     IndexDataCacheFile: ("_dump", "_load_index", "_load_data", "_save_index", "_save_data"),
@@ -115,6 +119,21 @@ def kernel(function: Callable[..., Any]) -> Callable[..., Any]:
     the large kernels that it needs, and crash the process that loads it.
     """
     return _compiled(function, {"nogil": True, "error_model": "numpy"}, waits=True)
+
+
+def late_kernel(part: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """Compile a kernel like `kernel`, but not with its callers: when one first calls it.
+
+    For what belongs to a part that most robots lack. It returns nothing or numbers, as its
+    annotation says. `compile_late` compiles it before a control loop.
+    """
+
+    def decorated(function: Callable[..., Any]) -> Callable[..., Any]:
+        made = kernel(function)
+        make_late(made, part)
+        return made
+
+    return decorated
 
 
 def call_compiled(kernel: Any, *arguments: Any) -> Any:
@@ -292,6 +311,7 @@ class _NoCache(NullCache):
     def __init__(self, function: Callable[..., Any]) -> None:
         super().__init__()
         self._function = function
+        self.index = f"{function.__module__}.{function.__qualname__}"  # nothing is read by it
 
     def entry(self, compiled: Any) -> Any:
         """Return what Python calls to call a kernel."""
@@ -397,13 +417,20 @@ class _Place(_Numba):
         """Return what is pickled; from now on callers call a large kernel, without a copy of it."""
         symbols = [f.name for f in compiled.library._final_module.functions if f.is_declaration]
         called = [(name, *_CALLED[name]) for name in symbols if name in _CALLED]
-        content = called, super().reduce(compiled)
+        slots = called_late(compiled.library)
+        late_ones = [(x.kernel._cache.name, x.kernel._cache.index, x.types) for x in slots]
+        content = called, late_ones, super().reduce(compiled)
         self._call(compiled)
         return content
 
     def rebuild(self, target_context: Any, content: Any) -> Any:
         """Return the kernel; None if one that it calls has changed or is missing in the cache."""
-        called, kernel_itself = content
+        called, late_ones, kernel_itself = content
+        for name, index, types_ in late_ones:
+            kernel = _found(name, index)
+            if kernel is None:
+                return None
+            slot(kernel, types_)
         for symbol, name, index, types_ in called:
             if not _is_loaded(symbol, name, index, types_):
                 return None
@@ -419,10 +446,15 @@ class _Place(_Numba):
             library._shared_module = llvm.parse_assembly("")  # callers declare what they call
 
 
+def _found(name: str, index: str) -> Any:
+    """Return a kernel of this process; None if its sources have changed."""
+    found = (kernel for kernel in _KERNELS.get(name, ()) if kernel._cache.index == index)
+    return next(found, None)
+
+
 def _is_loaded(symbol: str, name: str, index: str, types_: tuple[Any, ...]) -> bool:
     """Load a kernel, and return whether it has this symbol: LLVM ends the process at another."""
-    found = (kernel for kernel in _KERNELS.get(name, ()) if kernel._cache.index == index)
-    kernel = next(found, None)
+    kernel = _found(name, index)
     if kernel is None or (
         types_ not in kernel.overloads and not load(kernel, types_, kernel._cache.kept)
     ):

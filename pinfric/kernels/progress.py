@@ -17,6 +17,7 @@ from numba.core import event
 from numba.core.dispatcher import Dispatcher
 
 from pinfric.kernels import NOTICES
+from pinfric.kernels.late import is_late
 
 #: Seconds between two lines at most; on a terminal one line is drawn again after each `_TICK`.
 PERIOD, _TICK = 10.0, 1.0
@@ -104,12 +105,17 @@ def _say(text: str) -> None:
 
 
 def _reached(function: Callable[..., Any]) -> set[Callable[..., Any]]:
-    """Return the functions of a kernel and of all kernels that it calls, without inlined ones."""
+    """Return the functions of a kernel and of all kernels that are compiled with it.
+
+    So without late and inlined ones.
+    """
     functions, queue = {function}, [function]
     for each in queue:  # grows while it is walked
         for name in each.__code__.co_names:
             callee = each.__globals__.get(name)
-            if isinstance(callee, Dispatcher) and callee.py_func not in functions:
+            if not isinstance(callee, Dispatcher) or is_late(callee):
+                continue
+            if callee.py_func not in functions:
                 queue.append(callee.py_func)
                 if callee.targetoptions.get("inline", "never") == "never":
                     functions.add(callee.py_func)

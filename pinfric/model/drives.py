@@ -20,7 +20,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from pinfric.kernels.compiled import inlined_kernel, kernel
+from pinfric.kernels.compiled import inlined_kernel, kernel, late_kernel
 from pinfric.model.friction_terms import ViscousFriction
 from pinfric.model.laws import power_of
 from pinfric.model.springs import Spring, spring_of
@@ -307,7 +307,7 @@ def gear_range(
     return min(least, value), max(greatest, value)
 
 
-@kernel
+@late_kernel("gears")
 def write_motor_torques(
     gears: Gears,
     effort_lower: np.ndarray,

@@ -43,6 +43,7 @@ from pinfric.friction.problem import GivenModes, Modes, Problem, SearchOutcome
 from pinfric.friction.rest import Mechanism, solve_modes
 from pinfric.friction.search import SearchStatistics, search, solve_given
 from pinfric.kernels.compiled import KernelArgument, compile_for, compiling, entry_point
+from pinfric.kernels.late import compile_late
 from pinfric.model.closure import guesses
 from pinfric.model.drives import slope_range
 from pinfric.model.massless import massless
@@ -473,6 +474,10 @@ def rehearse(ws: Workspace) -> None:
         *_kernels_of_search(ws.problem, ws.modes),
     ):
         compile_for(function, *arguments)
+    if ws.machine.kinematics.tilt.size:
+        compile_late("loops")
+    if ws.plan.drives.gears.ratio.size:
+        compile_late("gears")
     dry = ws.plan.coordinates.dry
     stuck = GivenModes(dry, np.zeros(len(dry)))
     with compiling():
@@ -485,12 +490,15 @@ def _kernels_of_search(problem: Problem, modes: Modes) -> list[tuple[Any, tuple[
     """Return the kernels that Python calls in a search of modes, with arguments of their types."""
     line, empty = np.empty(0), np.empty((0, 0))
     lines, rows = np.empty((len(modes.effort), 4)), np.empty((len(modes.stuck), 3))
-    return [
-        (try_modes, (problem, modes, False)),
+    of_gears = [
         (hold_chosen, (problem, modes)),
         (gear_margins, (problem, modes, 0)),
         (fit, (problem, modes, lines, True)),
         (write_rows, (problem, modes, lines, rows)),
+    ]
+    return [
+        *(of_gears if len(modes.effort) else []),
+        (try_modes, (problem, modes, False)),
         (bind, (problem, modes.stuck, rows, empty)),
         (judge, (problem, modes)),
         (evaluate, (problem, modes.friction, modes.load, modes.rate)),

@@ -21,7 +21,7 @@ import numpy as np
 from pinfric.dynamics.problem.machine import Machine, PinocchioData, Tree
 from pinfric.dynamics.problem.plan import Coordinates
 from pinfric.friction.dense import affine, factorize, solve_balance
-from pinfric.kernels.compiled import kernel
+from pinfric.kernels.compiled import kernel, late_kernel
 from pinfric.model.drives import gear_drag, gear_line, held_efforts
 from pinfric.model.kinematics import act_on_joints, relate_pairs
 from pinfric.model.laws import law_at
@@ -79,7 +79,7 @@ def write_mass_matrix(machine: Machine) -> None:
                     M[j, k] += armature * drives[d, j] * drives[d, k]
 
 
-@kernel
+@late_kernel("loops")
 def _relate_frames(machine: Machine) -> None:
     """Write how the frames of all pairs are related, at a = 0."""
     data, k, gravity = machine.pinocchio, machine.kinematics, machine.tree.gravity
@@ -124,7 +124,8 @@ def _relate_frames(machine: Machine) -> None:
 def measure_rates(machine: Machine, v: np.ndarray) -> None:
     """Write the relative velocity of every coordinate, of which poses and velocities are known."""
     k, actions = machine.kinematics, machine.plan.coordinates.action
-    _relate_frames(machine)
+    if k.tilt.size > 0:
+        _relate_frames(machine)
     for c in range(k.coordinate_rate.size):
         action = actions[c]
         k.coordinate_rate[c] = k.rate[0, action] if action >= 0 else 0.0
@@ -205,6 +206,13 @@ def ball_speed(coordinates: Coordinates, rate: np.ndarray, c: int) -> float:
     return np.sqrt(rate[first] ** 2 + rate[first + 1] ** 2 + rate[first + 2] ** 2)
 
 
+@late_kernel("loops")
+def _act_on_joints(machine: Machine) -> None:
+    """Write what actions do to joints; frames are related."""
+    k = machine.kinematics
+    act_on_joints(k.p, k.R, machine.plan.closure.actions, k.X, k.J)
+
+
 @kernel
 def relate(machine: Machine, v: np.ndarray) -> None:
     """Write pairs, D, S and the relative velocity of every coordinate; poses are known."""
@@ -214,7 +222,7 @@ def relate(machine: Machine, v: np.ndarray) -> None:
     # 1. how the frames of all pairs are related, and what actions do to joints
     if k.tilt.size > 0:
         _relate_frames(machine)
-        act_on_joints(k.p, k.R, machine.plan.closure.actions, k.X, J)
+        _act_on_joints(machine)
     # 2. D and its rates
     for c in range(action.size):
         rate[c] = 0.0
@@ -250,7 +258,7 @@ def move(machine: Machine, v: np.ndarray) -> None:
     relate(machine, v)
 
 
-@kernel
+@late_kernel("gears")
 def write_gears(machine: Machine, v: np.ndarray, given: np.ndarray, step: float) -> None:
     """Write rotors, and the laws of gears with losses, where motors drive.
 
@@ -357,50 +365,55 @@ _DEAD = 1e-9
 
 
 @kernel
-def _reduce(machine: Machine, d: int, closed: bool) -> bool:  # noqa: C901
-    """Write accelerations and the factor A of D a_slope = A^T A; False: M is singular.
-
-    Args:
-        d: number of freedoms.
-        closed: whether loops leave fewer than nv of them; else Z is 1.
-    """
-    maps, D = machine.maps, machine.kinematics.D
-    M, Z, push, a_closure, a_map = maps.M, maps.Z, maps.push, maps.a_closure, maps.acceleration
+def _reduce(machine: Machine) -> bool:
+    """Write accelerations and the factor A of D a_slope = A^T A in a tree; False: M is singular."""
+    maps, D, L, Y = machine.maps, machine.kinematics.D, machine.scratch.lower, machine.scratch.right
+    M, push, a_closure, a_map = maps.M, maps.push, maps.a_closure, maps.acceleration
     nv, nc = M.shape[0], D.shape[0]
-    L, Y = machine.scratch.lower, machine.scratch.right
-    if not closed:
-        for i in range(nv):
-            row = nv - 1 - i  # the last first: what is 0 in M between two branches is 0 in L
-            Y[row, 0] = push[i]
-            for j in range(nv):
-                L[row, nv - 1 - j] = M[i, j]
-            for c in range(nc):
-                Y[row, 1 + c] = D[c, i]
-    else:
-        L, Y, MZ = np.zeros((d, d)), np.zeros((d, 1 + nc)), np.zeros((nv, d))
-        for i in range(nv):
-            for j in range(nv):
-                for f in range(d):
-                    MZ[i, f] += M[i, j] * Z[j, f]
-        for i in range(nv):
-            for f in range(d):
-                for g in range(d):
-                    L[f, g] += Z[i, f] * MZ[i, g]
-                Y[f, 0] += Z[i, f] * push[i]
-                for c in range(nc):
-                    Y[f, 1 + c] += Z[i, f] * D[c, i]
+    for i in range(nv):
+        row = nv - 1 - i  # the last first: what is 0 in M between two branches is 0 in L
+        Y[row, 0] = push[i]
+        for j in range(nv):
+            L[row, nv - 1 - j] = M[i, j]
+        for c in range(nc):
+            Y[row, 1 + c] = D[c, i]
     if not factorize(L):
         return False
     substitute(L, Y, maps.factor)
     for i in range(nv):
         for k in range(1 + nc):
             a_map[i, k] = a_closure[i] if k == 0 else 0.0
-            if not closed:
-                a_map[i, k] += Y[nv - 1 - i, k]
-        if closed:
+            a_map[i, k] += Y[nv - 1 - i, k]
+    return True
+
+
+@late_kernel("loops")
+def _reduce_closed(machine: Machine, d: int) -> bool:
+    """Write the same where loops leave d freedoms, along Z."""
+    maps, D = machine.maps, machine.kinematics.D
+    M, Z, push, a_closure, a_map = maps.M, maps.Z, maps.push, maps.a_closure, maps.acceleration
+    nv, nc = M.shape[0], D.shape[0]
+    L, Y, MZ = np.zeros((d, d)), np.zeros((d, 1 + nc)), np.zeros((nv, d))
+    for i in range(nv):
+        for j in range(nv):
             for f in range(d):
-                for k in range(1 + nc):
-                    a_map[i, k] += Z[i, f] * Y[f, k]
+                MZ[i, f] += M[i, j] * Z[j, f]
+    for i in range(nv):
+        for f in range(d):
+            for g in range(d):
+                L[f, g] += Z[i, f] * MZ[i, g]
+            Y[f, 0] += Z[i, f] * push[i]
+            for c in range(nc):
+                Y[f, 1 + c] += Z[i, f] * D[c, i]
+    if not factorize(L):
+        return False
+    substitute(L, Y, maps.factor)
+    for i in range(nv):
+        for k in range(1 + nc):
+            a_map[i, k] = a_closure[i] if k == 0 else 0.0
+        for f in range(d):
+            for k in range(1 + nc):
+                a_map[i, k] += Z[i, f] * Y[f, k]
     return True
 
 
@@ -475,7 +488,7 @@ def _write_problem_rates(machine: Machine, v: np.ndarray, step: float) -> None:
             rate_slope[e, c] = rate_slope[c, e]
 
 
-@kernel
+@late_kernel("loops")
 def _find_dead_centres(machine: Machine, dead: np.ndarray) -> None:
     """Mark joints that stand still while the mechanism moves, in `dead` (nc,); their slope is 0."""
     D, maps, size_of = machine.kinematics.D, machine.maps, machine.plan.coordinates.direction_size
@@ -521,7 +534,7 @@ def _add_drag(machine: Machine, step: float) -> None:
                     M[i, j] += step * D[c, i] * damping[c] * D[c, j]
 
 
-@kernel
+@late_kernel("loops")
 def _close(machine: Machine, v: np.ndarray, step: float) -> int:
     """Write Z and a_closure, return J's rank; of a step, such that loops' rates end as zero.
 
@@ -583,7 +596,7 @@ def write_accelerations(
             for j in range(nv):
                 push[i] -= M[i, j] * maps.a_closure[j]
         size += abs(push[i]) + abs(v[i])
-    if not _reduce(machine, nv - rank, closed):
+    if not (_reduce_closed(machine, nv - rank) if closed else _reduce(machine)):
         for i in range(nv):
             for j in range(nv):
                 size += abs(M[i, j])

@@ -19,7 +19,7 @@ from pinfric.dynamics.problem.accelerations import carry
 from pinfric.dynamics.problem.machine import Machine
 from pinfric.dynamics.problem.plan import Closure, Plan
 from pinfric.friction.dense import eliminate_full_pivot, solve_balance
-from pinfric.kernels.compiled import kernel
+from pinfric.kernels.compiled import kernel, late_kernel
 
 
 @kernel
@@ -256,20 +256,26 @@ def write_wrenches(machine: Machine, q: np.ndarray) -> bool:
         machine: accelerations are written.
         q: (nq,).
     """
+    _write_known_wrenches(machine)
+    if machine.plan.closure.multipliers > 0:
+        _write_multipliers(machine)
+    return write_contacts(machine.plan, q, machine.maps.wrench, machine.problem.contact)
+
+
+@late_kernel("loops")
+def _write_multipliers(machine: Machine) -> None:
+    """Write multipliers, and add their part to the wrenches."""
     t, maps, contacts = machine.plan.closure, machine.maps, machine.plan.contacts
     M, D, J, given = maps.M, machine.kinematics.D, machine.kinematics.J, machine.scratch.given
     nl, (nc, nv) = t.multipliers, D.shape
-    _write_known_wrenches(machine)
-    if nl > 0:
-        A, free = np.empty((nv, nl + 1 + nc)), np.empty((nl, nl))
-        for i in range(nv):
-            for r in range(nl):
-                A[i, r] = J[0, t.off_joint + r, i]
-            for n in range(1 + nc):
-                A[i, nl + n] = -given[i] if n == 0 else -D[n - 1, i]
-                for j in range(nv):
-                    A[i, nl + n] += M[i, j] * maps.acceleration[j, n]
-        ways = nl - solve_balance(A, t.scale, maps.multiplier, free)  # to share redundant ones
-        X, free = machine.kinematics.X[0], free[:, :ways].copy()
-        add_reactions(t, contacts.joint, X, t.off_joint, free, maps.multiplier, maps.wrench)
-    return write_contacts(machine.plan, q, maps.wrench, machine.problem.contact)
+    A, free = np.empty((nv, nl + 1 + nc)), np.empty((nl, nl))
+    for i in range(nv):
+        for r in range(nl):
+            A[i, r] = J[0, t.off_joint + r, i]
+        for n in range(1 + nc):
+            A[i, nl + n] = -given[i] if n == 0 else -D[n - 1, i]
+            for j in range(nv):
+                A[i, nl + n] += M[i, j] * maps.acceleration[j, n]
+    ways = nl - solve_balance(A, t.scale, maps.multiplier, free)  # to share redundant ones
+    X, free = machine.kinematics.X[0], free[:, :ways].copy()
+    add_reactions(t, contacts.joint, X, t.off_joint, free, maps.multiplier, maps.wrench)
