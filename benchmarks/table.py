@@ -520,6 +520,21 @@ def commands():
     return rows
 
 
+def sizings():
+    """`size` of the bundled scenes in processor time, the second time in a process, with drives."""
+    rows = []
+    for file in sorted((ROOT / "robots").glob("*.waypoints.yaml")):
+        name = file.name.removesuffix(".waypoints.yaml")
+        scene = pf.load_scene(name)
+        motion = pf.load_trajectory(str(file), scene)
+        run = partial(pf.size, scene, motion, "default", on_miss="ignore")
+        found = run()
+        seconds = median_seconds({"": run}, rounds=3, clock=time.process_time)[""]
+        more = found.verdict.headline.split(";")[0]
+        rows.append(Row(f"size {name}", "", seconds, 0.25, "s", more=more))
+    return rows
+
+
 # ---------------------------------------------------------------- peers
 
 
@@ -594,6 +609,7 @@ STUDIES = (
     hard_inverse,
     sweeps,
     commands,
+    sizings,
 )
 
 
