@@ -1,5 +1,6 @@
 """Kernels survive a damaged cache; compiling is reported, cached kernels are not compiled."""
 
+import ctypes
 import os
 import re
 import runpy
@@ -361,6 +362,32 @@ def test_a_cache_that_cannot_be_written_does_not_stop_a_command(tmp_path):
     for _ in range(2):
         last = python(tmp_path, "chain_of_a_test.py").stderr.splitlines()[-1]
         assert last.startswith("1.0 ")
+
+
+def bound_by_modes():
+    """Let a child's root write no more than the modes of folders allow: no CAP_DAC_OVERRIDE."""
+    ctypes.CDLL(None).prctl(24, 1, 0, 0, 0)  # PR_CAPBSET_DROP; others than root need it not
+
+
+@pytest.mark.slow
+def test_a_cache_that_may_only_be_read_stops_no_command(tmp_path):
+    """Numba keeps kernels elsewhere then, or compiles them anew; the folder stays as it is."""
+    file = tmp_path / "chain_of_a_test.py"
+    file.write_text(CHAIN)
+    python(tmp_path, file.name)
+    folder = tmp_path / "cache/pinfric"
+    before = {path.name: path.stat().st_mtime_ns for path in folder.iterdir()}
+    assert before
+    folder.chmod(0o555)
+    probe = f"open({str(folder / 'probe')!r}, 'w')"
+    given = {"cwd": tmp_path, "env": environment(tmp_path), "preexec_fn": bound_by_modes}
+    assert subprocess.run([sys.executable, "-c", probe], stderr=-3, **given).returncode == 1
+    command = [sys.executable, file.name]
+    done = subprocess.run(command, capture_output=True, text=True, **given)
+    assert done.returncode == 0, done.stderr
+    assert done.stderr.splitlines()[-1] in ("1.0 0", "1.0 1")
+    folder.chmod(0o755)
+    assert {path.name: path.stat().st_mtime_ns for path in folder.iterdir()} == before
 
 
 @pytest.mark.slow
