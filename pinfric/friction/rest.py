@@ -181,7 +181,7 @@ def solve_modes(
     Args:
         chosen: whether gears in motion keep their lines, those of `modes.effort`.
     """
-    if chosen:
+    if chosen and modes.effort.size:
         hold_chosen(problem, modes)
     solutions, obeying = _solve_held(problem, modes, mechanism, chosen)
     more = mechanism.closed and modes.effort.size > 0 and not obeying
@@ -296,7 +296,7 @@ class _Shared:
                 held = True
                 self.write(verdict.friction + moving)
         # 3. what breaks its law
-        off_lines, changed = fit(self.given, modes, lines, True)
+        off_lines, changed = fit(self.given, modes, lines, True) if modes.effort.size else (0, 0)
         broken = self.judge()
         if x is None and not held:  # beyond its limits friction may grow without bound: breaks away
             modes.friction[:1] = np.nan

@@ -194,7 +194,7 @@ class _Query:
         for x in frictions.solutions:
             modes.friction[:] = x
             evaluate(problem, modes.friction, modes.load, modes.rate)
-            off_lines, _ = fit(problem, modes, lines, True)
+            off_lines, _ = fit(problem, modes, lines, True) if modes.effort.size else (0, 0)
             if judge(problem, modes) == 0 and not off_lines:
                 obeying += 1
                 kept = modes.copy()
