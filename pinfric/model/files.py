@@ -28,7 +28,8 @@ Writer = str | Callable[[Path], object]
 _UNFINISHED, _ALIVE = ".unfinished-", ".alive"
 #: Files that are open while a folder is removed: kept free, as a process may open few.
 _SPARE = 4
-#: Name -> SHA-256 of what commands wrote into a folder.
+#: Name -> SHA-256 of what commands wrote into a folder, and of what they wrote before: a process
+#: that is killed between two files leaves either.
 RECORD = ".pinfric-results.json"
 #: Endings of file names; a folder of such a name is probably a mistake.
 _FILES = frozenset((".csv", ".html", ".json", ".png", ".urdf", ".xml", ".yaml", ".yml"))
@@ -81,7 +82,7 @@ def write_folder(
                 _fill(unfinished / name, write)
             with _locked(folder, os.O_RDONLY, wait=True):  # the record is one for all runs
                 recorded = _write_record(unfinished, folder, writers)
-                _put_in_place(unfinished, folder, [*writers, *recorded])
+                _put_in_place(unfinished, folder, [*recorded, *writers])
                 _remove_outdated(folder, outdated)
     except OSError as problem:
         raise PinfricError(f"{folder}: cannot be written: {problem.strerror or problem}") from None
@@ -256,7 +257,7 @@ def _same_file(file: Path, inputs: Iterable[Path]) -> Path | None:
 
 def _as_written(file: Path, known: Mapping[str, str]) -> bool:
     """Whether a file is as a command wrote it."""
-    return file.name in known and known[file.name] == file_hash(file)
+    return file.name in known and file_hash(file) in known[file.name].split()
 
 
 def _remove_outdated(folder: Path, names: Iterable[str]) -> None:
@@ -269,12 +270,13 @@ def _remove_outdated(folder: Path, names: Iterable[str]) -> None:
 
 
 def _recorded(folder: Path) -> dict[str, str]:
-    """What earlier commands wrote into a folder: name -> SHA-256."""
+    """What earlier commands wrote into a folder: name -> SHA-256, and that before."""
     try:
         content = json.loads((folder / RECORD).read_bytes())
     except (OSError, ValueError, RecursionError):
         return {}
-    return content if isinstance(content, dict) else {}
+    there = content.items() if isinstance(content, dict) else ()
+    return {name: hashes for name, hashes in there if isinstance(hashes, str)}
 
 
 def _write_record(unfinished: Path, folder: Path, names: Iterable[str]) -> list[str]:
@@ -282,6 +284,9 @@ def _write_record(unfinished: Path, folder: Path, names: Iterable[str]) -> list[
     if running() is None:
         return []
     known = {name: hash_ for name, hash_ in _recorded(folder).items() if (folder / name).is_file()}
-    known |= {name: file_hash(unfinished / name) for name in names}
+    for name in names:
+        ours = (folder / name).is_file() and _as_written(folder / name, known)
+        before = f" {file_hash(folder / name)}" if ours else ""
+        known[name] = file_hash(unfinished / name) + before
     (unfinished / RECORD).write_text(json.dumps(known, indent=1) + "\n", encoding="utf-8")
     return [RECORD]

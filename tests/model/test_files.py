@@ -10,7 +10,8 @@ import threading
 import pytest
 
 from pinfric.errors import PinfricError, PinfricWarning
-from pinfric.model.files import check_writable, file_hash, write_file, write_folder
+from pinfric.model.files import RECORD, check_writable, file_hash, write_file, write_folder
+from pinfric.model.inputs import running_command
 
 
 def texts(folder):
@@ -97,6 +98,32 @@ def test_what_killed_runs_left_is_removed_and_what_others_write_stays(tmp_path):
 
     write_folder(tmp_path, {"a.txt": inner})
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a.txt", "b.txt"]
+
+
+@pytest.mark.parametrize("moved", [0, 1, 2])
+def test_results_of_a_run_killed_between_two_files_are_known(tmp_path, monkeypatch, moved):
+    """The next run replaces them; it took the new one for a stranger's."""
+    left, replace = iter(range(moved)), os.replace
+
+    def until_killed(*arguments):
+        if next(left, None) is None:
+            raise KeyboardInterrupt
+        replace(*arguments)
+
+    with running_command():
+        write_folder(tmp_path, writers(a="first", b="first"))
+        monkeypatch.setattr(os, "replace", until_killed)
+        with pytest.raises(KeyboardInterrupt):
+            write_folder(tmp_path, writers(a="second", b="second"))
+        monkeypatch.undo()
+        write_folder(tmp_path, writers(a="third", b="third"))
+        assert {text for name, text in texts(tmp_path).items() if name in "ab"} == {"third"}
+        (tmp_path / "a").write_text("changed")
+        with pytest.raises(PinfricError, match="was changed since pinfric wrote it"):
+            write_folder(tmp_path, writers(a="fourth"))
+        (tmp_path / RECORD).write_text('{"a": 5}')
+        with pytest.raises(PinfricError, match="is there already"):
+            write_folder(tmp_path, writers(a="fourth"))
 
 
 def test_a_device_stays_a_device(tmp_path):
