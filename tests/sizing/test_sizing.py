@@ -701,7 +701,7 @@ def test_of_drives_that_alternate_the_heavier_one_stays(monkeypatch):
 def test_progress_names_the_round_and_the_drive(tmp_path):
     said = []
     sized_cycle(one_drive(tmp_path), progress=said.append)
-    assert said[0] == "round 1: table, drive 1 of 1"
+    assert said[:2] == ["inverse dynamics of the cycle", "round 1: table, drive 1 of 1"]
 
 
 def test_transmissions_of_the_scene_are_said_to_be_replaced(tmp_path):
