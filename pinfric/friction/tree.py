@@ -15,7 +15,7 @@ by the laws themselves. Nodes with few slipping joints come first (`notebooks/th
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -56,6 +56,22 @@ class Bounds(NamedTuple):
     stick: np.ndarray
     either: np.ndarray
     slip: np.ndarray
+
+
+def kernels_of_tree(problem: Problem, closed: bool) -> list[tuple[Any, tuple[Any, ...]]]:
+    """Return the kernels that Python calls in a tree, with arguments of their types.
+
+    Args:
+        closed: whether it is of a mechanism.
+    """
+    n, rests, modes = 0, np.empty(0, bool), np.empty((0, 0), np.int8)
+    limits = np.empty((n, 2, 1)), np.empty((n, 2, 1)), np.empty((n, 2, 2, 1))
+    bounds, line = Bounds(np.empty(n), np.empty(n), *limits), np.empty(0)
+    state, order = (problem, bounds, rests), np.empty(0, np.int64)
+    node = (
+        (allows, (*state, modes.ravel())) if closed else (expand, (*state, order, *[modes] * 3, 0))
+    )
+    return [(write_bounds, (problem, rests, line, bounds)), node]
 
 
 class Tree:

@@ -42,6 +42,7 @@ from pinfric.friction.minimax import least_violation
 from pinfric.friction.problem import GivenModes, Modes, Problem, SearchOutcome
 from pinfric.friction.rest import Mechanism, solve_modes
 from pinfric.friction.search import SearchStatistics, search, solve_given
+from pinfric.friction.tree import kernels_of_tree
 from pinfric.kernels.compiled import KernelArgument, compile_for, compiling, entry_point
 from pinfric.kernels.late import compile_late
 from pinfric.model.closure import guesses
@@ -472,11 +473,12 @@ def rehearse(ws: Workspace) -> None:
         (is_exact, (m, q)),
         *ws.kernels_of_sliding(),
         *_kernels_of_search(ws.problem, ws.modes),
+        *([] if ws.mechanism.ball.any() else kernels_of_tree(ws.problem, ws.closed)),
     ):
         compile_for(function, *arguments)
     if ws.machine.kinematics.tilt.size:
         compile_late("loops")
-    if ws.plan.drives.gears.ratio.size:
+    if any(drive.transmission for drive in ws.scene.drives):
         compile_late("gears")
     dry = ws.plan.coordinates.dry
     stuck = GivenModes(dry, np.zeros(len(dry)))
