@@ -146,7 +146,8 @@ LOOKED_UP = {
     "pinfric.__main__": ["sys"],  # streams that the caller closed
     "pinfric": ["import_module((_PUBLIC | _INTERNAL)[name])"],
     "pinfric.cli": ["import_module(f'pinfric.{module}')"],
-    "pinfric.kernels.compiled": ["FunctionIdentity._unique_ids"],
+    # while numba, which holds its lock, compiles a kernel
+    "pinfric.kernels.compiled": ["FunctionIdentity._unique_ids", "config.LOOP_VECTORIZE"],
     "pinfric.show.pages.page": ["import_module(module)"],
 }
 
