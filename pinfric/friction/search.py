@@ -309,12 +309,13 @@ def _search_resting(query: _Query, forced: Ways, held: np.ndarray | None) -> Sea
             return outcome
     if len(mechanism.joints(rests)) > MOST_ENUMERATED:
         return _pivot(query, forced)
-    possible, levels = PossibleWays(query.problem, mechanism, rests.copy()), None
+    possible = PossibleWays(query.problem, mechanism, rests.copy())
+    levels = possible.levels(forced)
     plain = not (mechanism.ball.any() or mechanism.idle.any())
     if mechanism.closed and plain and not (modes.stuck & ~rests).any():
         tree = Tree(query.problem, rests.copy(), modes.direction)
-        levels = tree.allowed(possible.levels(forced)) if tree.ends else None
-    outcome = _enumerate(query, levels or possible.levels(forced), forced, held)
+        levels = tree.allowed(levels) if tree.ends else levels
+    outcome = _enumerate(query, levels, forced, held)
     missed = outcome in _NOTHING and (mechanism.ball & rests).any()  # a ball has one start only
     if missed or outcome == SearchOutcome.UNDECIDED:
         query.passes = MOST_PASSES

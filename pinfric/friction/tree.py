@@ -23,10 +23,8 @@ from pinfric.friction.dense import factorize, solve_dense, spectral_radius_bound
 from pinfric.friction.law import sliding
 from pinfric.friction.minimax import least_violation
 from pinfric.friction.problem import Problem
+from pinfric.friction.ways import Ways
 from pinfric.kernels.compiled import kernel
-
-#: Coordinate -> direction of its slip.
-Ways = dict[int, float]
 
 #: Modes of a node beside -1 and 1, the directions of a slip.
 _STICKS, _UNDECIDED = 0, 2
