@@ -10,7 +10,7 @@ from scipy.optimize import linprog
 from pinfric.friction.balance import Balance
 from pinfric.friction.holding import decide
 from pinfric.friction.least_use import descend, friction_and_limits, make_rest
-from pinfric.friction.minimax import least_violation, write_vertex
+from pinfric.friction.minimax import _checked_bound, least_violation, write_vertex
 from pinfric.friction.rest import anderson
 
 # Anderson: extrapolation of fixed points: where plain passes run away.
@@ -148,3 +148,15 @@ def test_the_verdict_is_that_of_a_grid(one_way):
         if answer.held:
             assert answer.use <= least * (1 + 1e-3) or answer.use <= 1.0
     assert seen == {True, False}
+
+
+def test_whatever_is_left_of_the_multipliers_their_bound_holds():
+    """Pivots on nearly nothing wear them, so that they are no solution: any of them bound m."""
+    rng = np.random.default_rng(0)
+    for _ in range(100):
+        dz, rows, reach = int(rng.integers(1, 6)), 12, rng.uniform(0.5, 2.0)
+        G, h, s = rng.normal(size=(rows, dz)), rng.normal(size=rows), rng.uniform(0.5, 2.0, rows)
+        basis = rng.permutation(rows + 2 * dz)[: dz + 1].astype(np.int64)
+        bound = _checked_bound(G, h, s, rows, reach, basis, rng.uniform(0.0, 1.0, dz + 1))
+        z = rng.uniform(-reach, reach, (200, dz))
+        assert bound <= ((z @ G.T + h) / s).max(axis=1).min()
