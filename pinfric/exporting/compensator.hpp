@@ -29,6 +29,7 @@ __attribute__((used))
 inline constexpr char made_of[] = "@@MADE_OF";  // in the program's file: `strings` shows it
 
 inline constexpr double inf = std::numeric_limits<double>::infinity();
+inline constexpr double pi = 3.14159265358979323846;
 
 // ------------------------------------------------------------------ what the constants mean
 // The axes of a body are those in which the axis of its joint is z. Wrenches are force, then moment.
@@ -125,11 +126,14 @@ struct [[nodiscard]] Outcome {
 };
 
 // How the compensation behaves; one number per drive. An option that could do nothing is refused:
-// hold_error without State's error and v_now or without switch_velocity, power without v_now.
+// hold_error without State's error and v_now or without switch_velocity, power without v_now;
+// hold_error at a measured velocity, which it would drive.
 struct Options {
   double scale[Robot::drives];            // of dry friction and gear losses, at a desired velocity
   double viscous_scale[Robot::drives];    // of friction that vanishes at rest, there
   double measured_scale[Robot::drives];   // of both at a measured velocity: at most `stable_scale`
+  double measured_way[Robot::drives];     // over which it changes direction there: at least that over
+                                          // which the joint yields before it slips (rad or m)
   double switch_velocity[Robot::drives];  // band in which the direction changes (rad/s or m/s)
   double hold_error[Robot::drives];       // position error that asks for all of break-away; 0: off
   double limit[Robot::drives];            // of the compensation (N m or N)
@@ -140,6 +144,7 @@ struct Options {
     for (int d = 0; d < Robot::drives; ++d) {
       scale[d] = viscous_scale[d] = 1.0;
       measured_scale[d] = default_measured_scale[d];
+      measured_way[d] = default_measured_way[d];
       switch_velocity[d] = 0.02;
       hold_error[d] = 0.0;
       limit[d] = default_limit[d];
@@ -335,8 +340,9 @@ inline double delivered(int d, const double* effort) noexcept {
 // ------------------------------------------------------------------ the compensator
 
 // Friction and gear losses with the load that the joints carry now. It keeps what it was told
-// (gravity, payload, wrench) and nothing from one call to the next. Each call returns false and
-// writes zeros where a number is not finite or beyond what a robot has, or an option does nothing.
+// (gravity, payload, wrench) and, from one call of friction_measured to the next, one number a drive:
+// how far friction has built up since the joint reversed. Each call returns false and writes zeros
+// where a number is not finite or beyond what a robot has, or an option does nothing.
 // A result may be written where a number of the state stands.
 class Compensator {
  public:
@@ -347,7 +353,11 @@ class Compensator {
       detail::clear(outside_[b], 6);
     }
     for (int f = 0; f < frame_slots; ++f) detail::clear(wrench_[f], 6);
+    reset();
   }
+
+  // Forget in which direction the joints moved, as after a stop of the controller.
+  void reset() noexcept { measured_ = Travelled(); }
 
   // Gravity in the world's axes (m/s^2). This and the setters below not while a loop runs on the object.
   [[nodiscard]] bool set_gravity(View<const double, 3> gravity) noexcept {
@@ -417,14 +427,15 @@ class Compensator {
   // joints: to be added to the torque of a controller that has rigid body and rotors (ratio^2
   // rotor_inertia a) of its own.
   Outcome friction(const State& state, const Options& options, Drives out) const noexcept {
-    return compensation(false, state, options, out);
+    return compensation(nullptr, state, options, out);
   }
 
-  // The same at the measured velocity v_now, as for hand guiding, by measured_scale: a feedback loop
-  // that is passive while the model's friction is at most 1 / measured_scale times the joint's. A v_ref
-  // is refused.
-  Outcome friction_measured(const State& state, const Options& options, Drives out) const noexcept {
-    return compensation(true, state, options, out);
+  // The same at the measured velocity v_now, as for hand guiding, by measured_scale. Its direction
+  // follows the measured q of each cycle over measured_way. A feedback loop that is passive while the
+  // model's friction is at most 1 / measured_scale times the joint's, and the joint slips after at most
+  // measured_way: one that yields farther may swing without end after a push. A v_ref is refused.
+  Outcome friction_measured(const State& state, const Options& options, Drives out) noexcept {
+    return compensation(&measured_, state, options, out);
   }
 
   // Feed-forward of a motion at the joints, all that a torque command there contains: rigid body,
@@ -459,12 +470,17 @@ class Compensator {
   static constexpr int frame_slots = Robot::frame_count > 0 ? Robot::frame_count : 1;
   struct Mass { double mass = 0.0, com[3] = {}, inertia[6] = {}; };  // in the body's axes
   struct Reactions { double wrench[Robot::bodies][6], effort[Robot::freedoms]; };
+  struct Travelled {  // z in [-1, 1] of drives and of the joints on which they act, and where they were
+    bool begun = false;
+    double before[Robot::freedoms] = {}, drive[Robot::drives] = {}, joint[Robot::drives] = {};
+  };
 
   double gravity_[3];
   Mass masses_[Robot::bodies];
   Mass carried_[frame_slots];         // what was added to each frame
   double outside_[Robot::bodies][6];  // wrench from outside on each body, at its joint's origin
   double wrench_[frame_slots][6];     // the same of each frame
+  Travelled measured_;
 
   static const double* zeros() noexcept {
     static constexpr double none[Robot::freedoms] = {};
@@ -482,7 +498,7 @@ class Compensator {
     return good;
   }
 
-  Outcome compensation(bool measured, const State& state, const Options& options,
+  Outcome compensation(Travelled* measured, const State& state, const Options& options,
                        Drives out) const noexcept {
     Reactions found;
     double load[sites_size] = {}, extra[Robot::drives];
@@ -813,7 +829,8 @@ class Compensator {
                                options.switch_velocity[d], options.hold_error[d]};
       if (!detail::finite(given, 4) || !(options.limit[d] >= 0.0) || !(options.power[d] >= 0.0) ||
           !(options.joint_effort_limit[d] >= 0.0) || !(options.measured_scale[d] >= 0.0) ||
-          !(options.measured_scale[d] <= stable_scale[d]))
+          !(options.measured_scale[d] <= stable_scale[d]) || !(options.measured_way[d] > 0.0) ||
+          !(options.measured_way[d] <= largest))
         return false;
       for (const double x : given)
         if (x < 0.0) return false;
@@ -824,7 +841,7 @@ class Compensator {
   // Rigid body, friction and rotors, at the joints.
   static Outcome feed_forward(const Reactions& found, const double* load, const State& state,
                               const Options& options, double* out) noexcept {
-    Outcome outcome = compensate(found.effort, load, state, options, false, out);
+    Outcome outcome = compensate(found.effort, load, state, options, nullptr, out);
     const double* a = or_zeros(state.a);
     for (int d = 0; outcome && d < Robot::drives; ++d) {
       const Drive& drive = drives[d];
@@ -842,9 +859,27 @@ class Compensator {
     value = std::fmax(-limit, std::fmin(limit, value));
   }
 
+  // Move z on to the positions q: z <- clip(z + dq / way, -1, 1).
+  static void travel(const double* q, const double* way, Travelled& travelled) noexcept {
+    double moved[Robot::freedoms] = {};
+    for (int i = 0; i < Robot::freedoms; ++i) {
+      if (travelled.begun) moved[i] = q[i] - travelled.before[i];
+      if (moved[i] > pi) moved[i] -= 2.0 * pi;  // an angle that was counted from the other side
+      if (moved[i] < -pi) moved[i] += 2.0 * pi;
+      travelled.before[i] = q[i];
+    }
+    travelled.begun = true;
+    for (int d = 0; d < Robot::drives; ++d) {
+      const double drive = travelled.drive[d] + detail::rate_of(d, moved) / way[d];
+      const double joint = travelled.joint[d] + moved[d] / way[d];
+      travelled.drive[d] = std::fmax(-1.0, std::fmin(1.0, drive));
+      travelled.joint[d] = std::fmax(-1.0, std::fmin(1.0, joint));
+    }
+  }
+
   // measured: at v_now by measured_scale, else at v_ref.
   static Outcome compensate(const double* effort, const double* load, const State& state,
-                            const Options& options, bool measured, double* out) noexcept {
+                            const Options& options, Travelled* measured, double* out) noexcept {
     if (measured && state.v_ref.first()) return {};
     const double* v_ref = state.v_ref.first() ? state.v_ref.first() : state.v.first();
     if (measured) v_ref = state.v_now.first();
@@ -856,6 +891,11 @@ class Compensator {
     const bool moving = state.v_now.first() != nullptr, holds = moving && state.error.first();
     Directions to;
     bool watched = false;
+    if (measured) {
+      for (int d = 0; d < Robot::drives; ++d)
+        if (options.hold_error[d] > 0.0) return {};
+      travel(state.q.first(), options.measured_way, *measured);
+    }
     for (int d = 0; d < Robot::drives; ++d) {
       const double band = options.switch_velocity[d], hold = options.hold_error[d];
       if ((hold > 0.0 && (!holds || !(band > 0.0))) || (options.power[d] < inf && !moving)) return {};
@@ -865,6 +905,10 @@ class Compensator {
       if (Robot::coupled)
         direct(detail::rate_of(d, v_ref), band, detail::rate_of(d, e), hold, detail::rate_of(d, now),
                holds, to.drive[d], to.drive_leaving[d]);
+      if (measured) {
+        to.drive[d] = measured->drive[d];
+        to.joint[d] = measured->joint[d];
+      }
       watched |= options.power[d] < inf;
     }
     double dry[Robot::drives], drag[Robot::drives];

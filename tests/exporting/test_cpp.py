@@ -187,18 +187,41 @@ PASSIVE = [
 
 @pytest.mark.parametrize("scene", [*RICH, worm()], ids=lambda scene: scene.source)
 def test_a_measured_velocity_has_a_call_and_a_scale_of_its_own(headers, scene):
-    """By default 0.8 of the value at the same desired velocity, whatever `scale` is."""
+    """By default 0.8 of the value at the same desired velocity, whatever `scale` is.
+
+    The joints move on by more than twice the way in the direction of the measured velocity.
+    """
     q, v, a = sampled(scene, 16, 20)
-    whole = CompensationOptions()
+    v += 0.1 * np.where(v < 0.0, -1.0, 1.0)
+    q = q[0] - np.cumsum(0.1 * np.sign(v), axis=0)
+    sharp = CompensationOptions(switch_velocity=0.0)
     found = headers.ask(scene, q, v, a, v_now=-v, options=CompensationOptions(scale=0.3))
-    desired = headers.ask(scene, q, v, a, -v, options=whole)
-    assert_columns(found["friction_measured"], 0.8 * desired["friction"], "measured")
+    desired = headers.ask(scene, q, v, a, -v, options=sharp)
+    ahead = 0.8 * desired["friction"]
+    drives = rate_rows(scene.drives, scene.model.nv)
+    same = (np.sign(-v @ drives.T) == np.sign(np.diff(q, axis=0, prepend=q[:1]) @ drives.T)).all(1)
+    assert same[1:].sum() > 5
+    assert_columns(found["friction_measured"][same], ahead[same], "measured")
     rows, solver = configurations(scene, q), scene.solver()
-    python = [
-        solver.compensate_measured(rows[i], -v[i], v=v[i], a=a[i], options=whole)
-        for i in range(len(v))
-    ]
+    python = [solver.compensate_measured(rows[i], -v[i], v=v[i], a=a[i]) for i in range(len(v))]
     assert_columns(np.array(python), found["friction_measured"], "python")
+
+
+@pytest.mark.parametrize("scene", [*RICH, worm()], ids=lambda scene: scene.source)
+def test_a_measured_direction_builds_up_over_the_way(headers, scene):
+    """Small steps to and fro, in both languages; at a reversal it is 0 after one way."""
+    rng, (q, v, a) = np.random.default_rng(2), sampled(scene, 17, 60)
+    q = q[0] + np.cumsum(rng.normal(scale=0.004, size=q.shape), axis=0)
+    options = CompensationOptions(measured_way=0.005, measured_scale=1.0)
+    found = headers.ask(scene, q, v, a, v_now=v, options=options)["friction_measured"]
+    rows, solver = configurations(scene, q), scene.solver()
+    for _ in range(2):
+        python = [
+            solver.compensate_measured(rows[i], v[i], v=v[i], a=a[i], options=options)
+            for i in range(len(v))
+        ]
+        assert_columns(np.array(python), found, "python")
+        solver.reset_compensation()
 
 
 @pytest.mark.parametrize("scene", PASSIVE, ids=lambda scene: scene.source)
@@ -350,7 +373,8 @@ def test_it_calls_nothing_but_mathematics(tmp_path):
         "  c.clear_payloads();\n  const Drives to = Drives::at(out);\n"
         "  return c.set_gravity(x) && c.set_wrench(0, w) && c.add_payload(0, *q, x, w) &&\n"
         "         c.set_payload(0, *q, x, w) && c.rigid_body(s, to) && c.friction(s, o, to) &&\n"
-        "         c.joint_effort(s, o, to) && c.motor_torque(s, o, to, i) && c.inverse(s, i);\n}\n"
+        "         c.joint_effort(s, o, to) && c.motor_torque(s, o, to, i) && c.inverse(s, i) &&\n"
+        "         c.friction_measured(s, o, to);\n}\n"
     )
     for flags in (["-O2"], ["-O0"]):
         command = [COMPILER, *STRICT, *flags, "-c", tmp_path / "use.cpp", "-o", tmp_path / "use.o"]

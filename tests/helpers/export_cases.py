@@ -216,7 +216,7 @@ class Headers:
         given = [q, v, a, v if v_ref is None else v_ref, error, v_now]
         rows = [np.zeros_like(q) if x is None else x for x in given]
         settings = np.vstack([options.table(scene), np.broadcast_to(joint_effort_limit, na)])
-        rows.append(np.broadcast_to(settings.ravel(), (len(q), 8 * na)))
+        rows.append(np.broadcast_to(settings.ravel(), (len(q), 9 * na)))
         counts = [len(payloads), len(wrenches), len(q), *(x is not None for x in (v, error, v_now))]
         flat = [np.array(counts, dtype=float)]
         flat += [np.hstack([frame, mass, com, inertia]) for frame, mass, com, inertia in payloads]

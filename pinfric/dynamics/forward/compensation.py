@@ -10,7 +10,9 @@ and must receive F_s(t), `drives.gear_line`. The compensation at the reference v
     out  = scale D(v) + viscous_scale (P drag + drag of the motor)(v)
 
 S(x) = x (3 - x^2)/2 within |x| < 1, the sign of x beyond. For a drive that is not coupled, out v
-never exceeds the power that the model's friction dissipates (`notebooks/theory/compensation`).
+never exceeds the power that the model's friction dissipates, if that friction jumps. At a measured
+velocity s is z, which the way travelled since the last call moves, as in a joint that yields before
+it slips: z <- clip(z + dq/way, -1, 1) (`notebooks/theory/compensation`).
 """
 
 from __future__ import annotations
@@ -37,6 +39,8 @@ from pinfric.model.twin import PRISMATIC
 
 #: The default factor at a measured velocity: friction that is 25 % too large is passive, too.
 MEASURED_SCALE = 0.8
+#: rad (m), the default way there: the largest found of joints is 2.5 mrad, at a Panda's sensors.
+MEASURED_WAY = 0.003
 
 
 @dataclass(frozen=True)
@@ -52,6 +56,8 @@ class CompensationOptions:
         power: largest power beyond that of friction (W); infinite: no limit.
         measured_scale: factor on all of it at a measured velocity, at most 1, and at most 1/(1 + e)
             with e the relative error of the friction's level.
+        measured_way: way over which the compensation changes direction at a measured velocity, at
+            least that over which the joint yields before it slips (rad or m).
     """
 
     scale: Any = 1.0
@@ -61,14 +67,15 @@ class CompensationOptions:
     limit: Any = np.inf
     power: Any = np.inf
     measured_scale: Any = MEASURED_SCALE
+    measured_way: Any = MEASURED_WAY
 
     def table(self, scene: Scene) -> np.ndarray:
-        """Return the options as rows (7, na).
+        """Return the options as rows (8, na).
 
         Raises:
             StateError: not numbers of the drives, or below 0.
         """
-        rows = np.empty((7, len(scene.drives)))
+        rows = np.empty((8, len(scene.drives)))
         for row, entry in zip(rows, fields(self), strict=True):
             where = f"{scene.source}: CompensationOptions.{entry.name}"
             numbers = real_numbers(where, getattr(self, entry.name))
@@ -84,7 +91,22 @@ class CompensationOptions:
                 "joint that moves; at a measured velocity at most 1, and 1/(1 + e) with e the "
                 "error of the friction's level"
             )
+        if not (rows[7] > 0.0).all():
+            raise StateError(
+                f"{scene.source}: CompensationOptions.measured_way: 0 drives a joint that yields "
+                "before it slips; give at least the way over which it yields (rad or m)"
+            )
         return rows
+
+    def tables(self, scene: Scene) -> tuple[np.ndarray, np.ndarray]:
+        """Return the options as a kernel takes them, of a desired and of a measured velocity.
+
+        Rows: scale, viscous scale, band, hold, limit, power, way (0: the band counts).
+        """
+        rows = self.table(scene)
+        desired, measured = rows[[0, 1, 2, 3, 4, 5, 7]], rows[[6, 6, 2, 3, 4, 5, 7]]
+        desired[6] = 0.0
+        return desired, measured
 
 
 class Compensated(NamedTuple):
@@ -201,6 +223,25 @@ class Reach(NamedTuple):
     fastest: np.ndarray
 
 
+class Travelled(NamedTuple):
+    """What a controller's calls keep: [0] of desired positions, [1] of measured ones.
+
+    Attributes:
+        begun: (2,) whether `before` is known.
+        before: (2, nq) positions of the last call.
+        share: (2, 2, na) z in [-1, 1]: of each drive, and of the joint on which it acts.
+    """
+
+    begun: np.ndarray
+    before: np.ndarray
+    share: np.ndarray
+
+    @classmethod
+    def none(cls, nq: int, na: int) -> Travelled:
+        """Return that of a controller that begins: no direction is known, so z is 0."""
+        return cls(np.zeros(2, dtype=bool), np.zeros((2, nq)), np.zeros((2, 2, na)))
+
+
 class CompensatedSample(NamedTuple):
     """What a kernel needs of a thread's solver beside the arguments of a call.
 
@@ -208,6 +249,8 @@ class CompensatedSample(NamedTuple):
         tables: of the scene.
         chain: of the last RNEA.
         reach: see `reach`. position: (nv,) index in q of a joint's one position, or -1.
+        circle: (nv,) index in q of the cosine of a joint that turns without end, or -1.
+        travelled: it is moved on by each call.
         wrench, displacement, load: (1, ns, 6), (1, ns), (1, ns) buffers.
     """
 
@@ -215,6 +258,8 @@ class CompensatedSample(NamedTuple):
     chain: ChainState
     reach: Reach
     position: np.ndarray
+    circle: np.ndarray
+    travelled: Travelled
     wrench: np.ndarray
     displacement: np.ndarray
     load: np.ndarray
@@ -223,17 +268,22 @@ class CompensatedSample(NamedTuple):
 box_compensated = record(CompensatedSample)
 
 
-def check_used(scene: Scene, rows: np.ndarray, error: bool, v_now: bool) -> None:
+def check_used(scene: Scene, rows: np.ndarray, error: bool, v_now: bool, measured: bool) -> None:
     """Refuse options that could do nothing: `hold_error` and `power` need what is measured.
 
     Args:
-        scene: for the message. rows: `CompensationOptions.table`.
-        error, v_now: whether they are given.
+        scene: for the message. rows: `CompensationOptions.tables`.
+        error, v_now: whether they are given. measured: whether the velocity is.
 
     Raises:
         StateError: names the option.
     """
     holding = rows[3] > 0.0
+    if measured and holding.any():
+        raise StateError(
+            f"{scene.source}: CompensationOptions.hold_error: needs a desired velocity; at a "
+            "measured one it would drive the joint: give 0"
+        )
     if (holding & (rows[2] == 0.0)).any():
         raise StateError(f"{scene.source}: CompensationOptions.hold_error: needs a switch_velocity")
     if holding.any() and not (error and v_now):
@@ -397,6 +447,7 @@ def compensate(
     v_now: np.ndarray,
     given: np.ndarray,
     options: np.ndarray,
+    share: np.ndarray,
     out: np.ndarray,
 ) -> None:
     """Write the compensation of each drive; see the module's text.
@@ -405,7 +456,8 @@ def compensate(
         t, effort, load: see `friction_of`.
         v_ref, error, v_now: (nv,).
         given: (2,) bool: whether `error` is given for a hold; whether v_now is given.
-        options: (7, na), the fields of `CompensationOptions`; the scales used are the first two.
+        options: (7, na), see `CompensationOptions.tables`.
+        share: (2, na) z of each drive and of its own joint, used where it has a way.
         out: (na,) N m or N at the joints, overwritten.
     """
     nv, na = v_ref.size, out.size
@@ -419,6 +471,10 @@ def compensate(
             wrong += t.rate[d, i] * error[i]
             now[d] += t.rate[d, i] * v_now[i]
         i = t.own[d]
+        if options[6, d] > 0.0:
+            to.drive[d], to.joint[i] = share[0, d], share[1, d]
+            to.drive_leaving[d] = 0.0
+            continue
         to.joint[i], to.joint_leaving[i] = _direct(v_ref[i], band, error[i], hold, v_now[i])
         to.drive[d], to.drive_leaving[d] = _direct(rate, band, wrong, hold, now[d])
     friction_of(t, effort, load, v_ref, to, dry, drag)
@@ -439,6 +495,40 @@ def compensate(
 
 
 @kernel
+def _travel(
+    x: CompensatedSample, whose: int, q: np.ndarray, v: np.ndarray, options: np.ndarray
+) -> None:
+    """Move the shares of drives with a way on to positions q (nq,).
+
+    Args:
+        x: of the solver; `travelled` changes. whose: 0 of desired positions, 1 of measured ones.
+        v: (nv,), its length only. options: see `compensate`.
+    """
+    t, before, moved = x.tables, x.travelled.before[whose], np.zeros(v.size)
+    if x.travelled.begun[whose]:
+        for i in range(v.size):
+            k, c = x.position[i], x.circle[i]
+            if k >= 0:
+                moved[i] = q[k] - before[k]
+            elif c >= 0:
+                across = q[c + 1] * before[c] - q[c] * before[c + 1]
+                moved[i] = np.arctan2(across, q[c] * before[c] + q[c + 1] * before[c + 1])
+            if abs(moved[i]) > np.pi:  # an angle that was counted from the other side
+                moved[i] -= np.copysign(2.0 * np.pi, moved[i])
+    share = x.travelled.share[whose]
+    for d in range(options.shape[1]):
+        if options[6, d] > 0.0:
+            rate = 0.0
+            for i in range(v.size):
+                rate += t.rate[d, i] * moved[i]
+            share[0, d] = min(max(share[0, d] + rate / options[6, d], -1.0), 1.0)
+            own = moved[t.own[d]]
+            share[1, d] = min(max(share[1, d] + own / options[6, d], -1.0), 1.0)
+    before[:] = q
+    x.travelled.begun[whose] = True
+
+
+@kernel
 def compensate_sample(
     x: CompensatedSample,
     q: np.ndarray,
@@ -455,7 +545,8 @@ def compensate_sample(
 
     Args:
         x: of the solver. q: (nq,). v, a, v_ref, error, v_now: (nv,).
-        given: (3,) bool: see `compensate`; whether rigid body and rotors are in it.
+        given: (4,) bool: see `compensate`; whether rigid body and rotors are in it; whether the
+            velocity is measured.
         options, out: see `compensate`.
 
     Returns:
@@ -477,7 +568,11 @@ def compensate_sample(
         return False
     read_sites(chain, q, wrench[0], displacement[0])
     normal_loads(wrench, t.sites.joint, t.sites.contacts, displacement, load)
-    compensate(t, chain.h, load[0], v_ref, error, v_now, given, options, out)
+    whose = 1 if given[3] else 0
+    if options[6].max() > 0.0:
+        _travel(x, whose, q, v, options)
+    share = x.travelled.share[whose]
+    compensate(t, chain.h, load[0], v_ref, error, v_now, given, options, share, out)
     finite = True
     for d in range(out.size):
         if given[2]:

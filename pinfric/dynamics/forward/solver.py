@@ -29,6 +29,7 @@ from pinfric.dynamics.derivatives.smoothed import Smoothed
 from pinfric.dynamics.forward.compensation import (
     CompensatedSample,
     CompensationOptions,
+    Travelled,
     box_compensated,
     check_reach,
     check_used,
@@ -61,7 +62,7 @@ _FLOAT, _NEXT = np.dtype(float), (8,)
 #: Of `Solver._compensate`: the names of a motion's parts, and its kernel's `given`.
 _MOTION = ("v", "a", "v_ref", "error", "v_now")
 _DEFAULT = CompensationOptions()
-_FLAGS = {flags: np.array(flags) for flags in product((False, True), repeat=3)}
+_FLAGS = {flags: np.array(flags) for flags in product((False, True), repeat=4)}
 
 
 class InverseInstant(NamedTuple):
@@ -256,16 +257,18 @@ def compensated_sample(ws: Workspace, scene: Scene) -> CompensatedSample:
         ws: computes reactions; it may be that of the scene with other friction.
         scene: with the friction that is compensated.
     """
-    position = np.full(ws.nv, -1)
+    position, circle = np.full((2, ws.nv), -1)
     for joint in list(scene.model.joints)[1:]:
-        if joint.nq == 1:
-            position[joint.idx_v] = joint.idx_q
+        if joint.nv == 1:
+            (position if joint.nq == 1 else circle)[joint.idx_v] = joint.idx_q
     ns = len(scene.sites)
     return CompensatedSample(
         tables=make_compensated(scene),
         chain=ChainState.of(ws.machine),
         reach=reach(scene),
         position=position,
+        circle=circle,
+        travelled=Travelled.none(ws.nq, len(scene.drives)),
         wrench=np.zeros((1, ns, 6)),
         displacement=np.zeros((1, ns)),
         load=np.zeros((1, ns)),
@@ -282,8 +285,8 @@ def compensated_states(
         q, v, a: (n, nq), (n, nv), (n, nv).
     """
     ws = Workspace(scene, None)
-    x, rows, still = compensated_sample(ws, scene), _DEFAULT.table(scene), np.zeros(ws.nv)
-    flags, friction = _FLAGS[False, False, False], np.empty((len(q), len(scene.drives)))
+    x, (rows, _), still = compensated_sample(ws, scene), _DEFAULT.tables(scene), np.zeros(ws.nv)
+    flags, friction = _FLAGS[(False,) * 4], np.empty((len(q), len(scene.drives)))
     for state, out in zip(zip(q, v, a, strict=True), friction, strict=True):
         ws.pinocchio.balance(*state)
         compensate_sample(x, *state, state[1], still, still, flags, rows, out)
@@ -296,6 +299,7 @@ class _Compensated:
     def __init__(self, ws: Workspace, scene: Scene) -> None:
         sample = compensated_sample(ws, scene)
         self.reach, self.argument = sample.reach, box_compensated(sample)
+        self.travelled = sample.travelled
         self.still, self.na = np.zeros(ws.nv), len(scene.drives)
         self._scene, self._options = scene, _DEFAULT
         self._rows = self._tables(self._options)
@@ -311,10 +315,9 @@ class _Compensated:
         return own if measured else desired, needs_measured
 
     def _tables(self, options: CompensationOptions) -> tuple[np.ndarray, np.ndarray, bool]:
-        rows = options.table(self._scene)
-        measured = rows.copy()
-        measured[:2] = rows[6]
-        return rows, measured, bool((rows[3] > 0.0).any() or (rows[5] < np.inf).any())
+        desired, measured = options.tables(self._scene)
+        needs_measured = (desired[3] > 0.0).any() or (desired[5] < np.inf).any()
+        return desired, measured, bool(needs_measured)
 
 
 class _Buffers(threading.local):
@@ -748,23 +751,26 @@ class Solver:
         *,
         v: np.ndarray | None = None,
         a: np.ndarray | None = None,
-        error: np.ndarray | None = None,
         options: CompensationOptions = _DEFAULT,
         external: Mapping[str, np.ndarray] | None = None,
     ) -> np.ndarray:
         """Return the friction at a measured velocity that a controller may add to its own.
 
-        out = measured_scale (D + P drag + motor's drag)(v_now). This is a feedback loop, passive
-        while the joints' friction is at least measured_scale times the model's.
+        out = measured_scale (D + P drag + motor's drag)(v_now), with z in place of S(v_now/v_s):
+        z <- clip(z + dq/measured_way, -1, 1), dq since the last call of this thread, z = 0 at the
+        first. This is a feedback loop, passive while the joints' friction is at least
+        measured_scale times the model's and they slip after at most measured_way: a joint that
+        yields farther may swing without end after a push.
 
         Args:
-            q: (nq,). v_now: (nv,) measured velocity, low-passed.
+            q: (nq,) measured positions, each cycle: not filtered.
+            v_now: (nv,) measured velocity, low-passed.
             v, a: (nv,) motion that determines the load; None: gravity only.
-            error, options, external: see `compensate`.
+            options, external: see `compensate`; `hold_error` is refused.
 
         Returns, raises: see `compensate`.
         """
-        motion = v, a, v_now, error, v_now
+        motion = v, a, v_now, None, v_now
         return self._compensate(q, motion, options, external, measured=True, whole=False)
 
     def _compensate(
@@ -789,8 +795,9 @@ class Solver:
         has_error, has_v_now = motion[3] is not None, motion[4] is not None
         rows, needs_measured = x.rows(options, measured)
         if needs_measured:
-            check_used(self.scene, rows, has_error, has_v_now)
-        flags, out = _FLAGS[has_error and has_v_now, has_v_now, whole], np.empty(x.na)
+            check_used(self.scene, rows, has_error, has_v_now, measured)
+        flags = _FLAGS[has_error and has_v_now, has_v_now, whole, measured]
+        out = np.empty(x.na)
         self._balance(ws, q, v, a, external)
         if compensate_sample(x.argument, q, v, a, v_ref, error, v_now, flags, rows, out):
             return out
@@ -806,11 +813,22 @@ class Solver:
         check_finite(self.scene, (out[None], out[None]), 0)
         raise AssertionError
 
+    def reset_compensation(self) -> None:
+        """Forget in which direction the joints moved, as after a stop of the controller.
+
+        Of this thread. From then on z is 0 in `compensate_measured`, and right again after a joint
+        has moved by twice its way in one direction.
+        """
+        x = self._own.compensated
+        if x is not None:
+            for kept in x.travelled:
+                kept[:] = 0
+
     def _begin_compensation(self) -> _Compensated:
         """Make this thread's buffers of `compensate`, and compile its kernel at the first call."""
         ws, _ = self._own.both
         x = _Compensated(ws, self.scene)
-        still, flags = x.still, _FLAGS[False, False, False]
+        still, flags = x.still, _FLAGS[(False,) * 4]
         rows, _ = x.rows(_DEFAULT, False)
         with compiling():
             arrays = np.zeros(ws.nq), *[still] * 5, flags, rows, np.empty(x.na)
