@@ -23,10 +23,15 @@ from pinfric.model.arrays import BoolArray, FloatArray, IntArray
 
 #: A law whose RMS error is larger by less than this share is not worse.
 MARGIN = 0.02
-#: Blocks are held out in so many parts; whole logs, where there are as many as the second.
+#: Blocks are held out in so many parts; whole logs, where there are as many as the second and
+#: each joint slides in several.
 _FOLDS, _LOGS = 10, 5
+#: No part shall take a larger share of a joint's rows: the others must tell its law.
+_MOST_OF_A_JOINT = 1.0 / 3.0
 #: Share of the URDF's weight that remains where links are free: it decides what rows do not tell.
 _FREE = 1e-4
+#: rad/s^2 or m/s^2: rows that accelerate by less show no rotor.
+_COASTS = 1e-3
 #: Standard errors of the parts' differences by which a law must be worse to be ruled out.
 _RULED_OUT = 2.0
 #: Rounds in which joints change their laws one at a time.
@@ -66,9 +71,14 @@ class Problem:
 
     @cached_property
     def _seen(self) -> list[list[bool]]:
-        """In which slots each joint's rows are not all zero."""
+        """In which slots each joint's rows are not all zero, or a rotor all but coasts."""
         sizes = [gram.products.diagonal(axis1=1, axis2=2).sum(axis=0) for gram in self.grams]
-        return [(size[-K - 1 : -1] > 0.0).tolist() for size in sizes]
+        least = np.zeros(K)
+        least[INERTIA] = _COASTS**2
+        return [
+            (size[-K - 1 : -1] > least * gram.count.sum()).tolist()
+            for size, gram in zip(sizes, self.grams, strict=True)
+        ]
 
 
 @dataclass(frozen=True)
@@ -102,22 +112,52 @@ class Choice:
         return replace(self, laws=laws, errors=errors, rivals=rivals)
 
 
-def held_out_parts(block: IntArray, log: IntArray) -> IntArray:
+def held_out_parts(joint: IntArray, block: IntArray, log: IntArray) -> IntArray:
     """Return with which part each block is held out: whole logs, or neighbouring blocks.
 
-    Parts are of blocks, or logs, in which something slides; all others are in part 0.
+    Parts are of blocks, or logs, in which something slides; all others are in part 0. No part
+    takes more than a third of a joint's rows if that can be: then each joint's blocks are divided,
+    those of the joint that slides in the fewest first.
 
     Args:
-        block, log: (n,) of every row of any joint.
+        joint, block, log: (n,) of every row of any joint.
     """
-    of_block = np.zeros(int(block.max()) + 1, dtype=np.int64)
-    whole_logs = np.unique(log)
+    kinds, whole_logs = list[IntArray](), np.unique(log)
     if whole_logs.size >= _LOGS:
-        of_block[block] = np.searchsorted(whole_logs, log)
-        return of_block
+        kinds.append(_spread(block, np.searchsorted(whole_logs, log)))
     held = np.unique(block)
-    of_block[held] = np.arange(held.size) * min(_FOLDS, held.size) // held.size
+    kinds.append(_spread(held, np.arange(held.size) * min(_FOLDS, held.size) // held.size))
+    kinds.append(_parts_of_joints(joint, block))
+    most = [_most_of_a_joint(parts, joint, block) for parts in kinds]
+    return next(
+        parts
+        for parts, share in zip(kinds, most, strict=True)
+        if share <= max(_MOST_OF_A_JOINT, most[-1])
+    )
+
+
+def _spread(blocks: IntArray, values: IntArray) -> IntArray:
+    """Return the values by number of block, 0 for other blocks."""
+    of_block = np.zeros(int(blocks.max()) + 1, dtype=np.int64)
+    of_block[blocks] = values
     return of_block
+
+
+def _parts_of_joints(joint: IntArray, block: IntArray) -> IntArray:
+    """Return each block's part, with the blocks of each joint in as many parts as can be."""
+    own = [np.unique(block[joint == j]) for j in np.unique(joint)]
+    of_block = np.full(int(block.max()) + 1, -1)
+    for blocks in sorted(own, key=len):
+        new = blocks[of_block[blocks] < 0]
+        first = int((of_block >= 0).sum())
+        of_block[new] = (np.arange(new.size) * _FOLDS // max(new.size, _FOLDS) + first) % _FOLDS
+    return np.maximum(of_block, 0)
+
+
+def _most_of_a_joint(parts: IntArray, joint: IntArray, block: IntArray) -> float:
+    """Return the largest share of one joint's rows that one part takes."""
+    counts = [np.bincount(parts[block[joint == j]]) for j in np.unique(joint)]
+    return max(float(count.max() / count.sum()) for count in counts)
 
 
 def choose(problem: Problem) -> Choice:

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pinocchio as pin
+from numpy.typing import NDArray
 
 from pinfric.dynamics.inverse.inverse import inverse_dynamics
 from pinfric.identification.laws import BACKWARD, BEARING, FORWARD, GEARS, INERTIA, SIDES, SPEEDS, K
@@ -91,6 +92,8 @@ class Prepared:
         kept: (n,) samples that stay after thinning.
         slides: (n, nj) where a joint slides: the rows that are fitted.
         rigid, slots: (n, nj, ...) as in `Rows`; slots of loads are 0 before `with_loads`.
+        rigid_rates, slot_rates: their derivatives by time, from all samples: those that are kept
+            are too far apart to be differentiated. They only weigh the delay: single precision.
         effort: time -> (., nj) low-passed, less what payloads and springs take. A cubic spline:
             linear interpolation has less noise between samples, which would bias delays.
         payload: (T, nj) what payloads take, less what springs give, N m or N.
@@ -106,6 +109,8 @@ class Prepared:
     slides: BoolArray
     rigid: FloatArray
     slots: FloatArray
+    rigid_rates: NDArray[np.float32]
+    slot_rates: NDArray[np.float32]
     effort: BSpline
     payload: FloatArray
     load: FloatArray
@@ -140,14 +145,15 @@ def prepare(
     motion, step, nj = recording.trajectory, recording.step, scene.model.nv
     rigid_effort = along(scene, motion)[0]
     payload = missing = np.broadcast_to(0.0, rigid_effort.shape)
-    seen, own = rigid_effort, scene
+    seen, gravity_as_logged = rigid_effort, scene
     if no_gravity:
-        own = scene.with_(model=weightless(scene.model), friction={})
-        seen = along(own, motion)[0]
+        gravity_as_logged = scene.with_(model=weightless(scene.model), friction={})
+        seen = along(gravity_as_logged, motion)[0]
         missing = rigid_effort - seen
     if scene.payloads or scene.springs:
         empty = replace(motion, attached=np.zeros_like(motion.attached))
-        payload = seen - along(own.with_(friction={}, springs=()), empty)[0]
+        bare = gravity_as_logged.with_(friction={}, springs=())
+        payload = seen - along(bare, empty)[0]
     known = np.isfinite(recording.effort)
     measured = np.where(known, recording.effort, seen) - payload
     kept = np.arange(0, motion.t.size, thin * _spacing(step))
@@ -155,19 +161,24 @@ def prepare(
     # one after another, to spare memory
     splines = [make_interp_spline(motion.t, column, k=3) for column in passed(measured, step).T]
     effort = BSpline(splines[0].t, np.column_stack([spline.c for spline in splines]), 3)
-    slots, v = np.zeros((kept.size, nj, K)), recording.velocity
-    slots[:, :, INERTIA] = passed(recording.acceleration, step)[kept]
-    slots[:, :, FORWARD] = passed((v > 0.0).astype(np.float64), step)[kept]
-    slots[:, :, BACKWARD] = passed(-(v < 0.0).astype(np.float64), step)[kept]
-    for slot, p in SPEEDS.items():
-        slots[:, :, slot] = passed(np.sign(v) * np.abs(v) ** p, step)[kept]
+    v, sign = recording.velocity, np.sign(recording.velocity)
+    own = {INERTIA: recording.acceleration, FORWARD: v > 0.0, BACKWARD: -1.0 * (v < 0.0)}
+    own |= {slot: sign * np.abs(v) ** p for slot, p in SPEEDS.items()}
+    slots = np.zeros((kept.size, nj, K))
+    slot_rates = slots.astype(np.float32)
+    for slot, columns in own.items():
+        whole = passed(columns.astype(np.float64), step)
+        slots[:, :, slot], slot_rates[:, :, slot] = thinned(whole, kept, step)
+    rigid, rigid_rates = _rigid_columns(gravity_as_logged, recording, kept)
     presliding, turns = _presliding(recording, kept)
     return Prepared(
         recording,
         kept,
         slides,
-        _rigid_columns(own, recording, kept),
+        rigid,
         slots,
+        rigid_rates,
+        slot_rates,
         effort,
         payload,
         rigid_effort,
@@ -216,8 +227,10 @@ def along(scene: Scene, motion: Trajectory) -> tuple[FloatArray, FloatArray]:
     return effort, load
 
 
-def _rigid_columns(scene: Scene, recording: Recording, kept: IntArray) -> FloatArray:
-    """Pinocchio's regressor of the links' inertial parameters, low-passed: (n, nj, 10 nj).
+def _rigid_columns(
+    scene: Scene, recording: Recording, kept: IntArray
+) -> tuple[FloatArray, NDArray[np.float32]]:
+    """Pinocchio's regressor of the links' inertial parameters, low-passed: (n, nj, 10 nj); rates.
 
     Of coupled drives P times it. Computed in parts to fit in memory; they overlap by the time over
     which the low pass has influence.
@@ -226,6 +239,7 @@ def _rigid_columns(scene: Scene, recording: Recording, kept: IntArray) -> FloatA
     data, P = model.createData(), delivery(scene.drives, nj)
     beyond = int(np.ceil(_FORGOTTEN / recording.step))
     thin = np.zeros((kept.size, nj, 10 * nj))
+    rates = thin.astype(np.float32)
     for first in range(0, motion.t.size, PART):
         own = np.flatnonzero((kept >= first) & (kept < first + PART))
         start = max(first - beyond, 0)
@@ -238,15 +252,29 @@ def _rigid_columns(scene: Scene, recording: Recording, kept: IntArray) -> FloatA
         for j in range(nj):
             used = np.flatnonzero(regressor[:, j].any(axis=0))
             whole = passed(regressor[:, j, used], recording.step)
-            thin[own[:, None], j, used] = whole[kept[own] - start]
-    return thin
+            at = own[:, None], j, used
+            thin[at], rates[at] = thinned(whole, kept[own] - start, recording.step)
+    return thin, rates
+
+
+def thinned(columns: FloatArray, kept: IntArray, step: float) -> tuple[FloatArray, FloatArray]:
+    """Return kept rows of columns (T, ...) and their derivatives by time, of fourth order.
+
+        x'(t) = (8 (x(t + h) - x(t - h)) - (x(t + 2 h) - x(t - 2 h)))/(12 h)
+
+    At both ends, where nothing slides, samples beyond are taken as the last. `step`: h, s.
+    """
+    before2, before, after, after2 = (
+        columns[np.clip(kept + away, 0, len(columns) - 1)] for away in (-2, -1, 1, 2)
+    )
+    return columns[kept], (8.0 * (after - before) - (after2 - before2)) / (12.0 * step)
 
 
 def passed(columns: FloatArray, step: float) -> FloatArray:
     """Return columns (T, ...) behind the common low pass; `step` in s."""
     if step * PASS >= 0.45:
         return columns
-    if columns.size < _AT_ONCE:
+    if columns.size < _AT_ONCE or columns.ndim == 1:
         return low_pass(columns, step, PASS)
     return np.column_stack([low_pass(column, step, PASS) for column in columns.T])
 
@@ -291,12 +319,17 @@ def with_loads(prepared: Prepared, scene: Scene, inner: FloatArray) -> Prepared:
     motion, step = recording.trajectory, recording.step
     probe = bearings_only(scene)
     rigid, sites = along(probe, motion)
-    slots, kept, bearing = prepared.slots.copy(), prepared.kept, np.abs(rigid)
+    slots, rates = prepared.slots.copy(), prepared.slot_rates.copy()
+    kept, bearing = prepared.kept, np.abs(rigid)
+
+    def put(j: int, slot: int, column: FloatArray) -> None:
+        slots[:, j, slot], rates[:, j, slot] = thinned(passed(column, step), kept, step)
+
     for j, name in enumerate(scene.joint_names):  # one after another: long logs fill the memory
         sign = np.sign(recording.velocity[:, j])
         if name in probe.site_names:
             bearing[:, j] = sites[:, probe.site_names.index(name)]
-            slots[:, j, BEARING] = passed(sign * bearing[:, j], step)[kept]
+            put(j, BEARING, sign * bearing[:, j])
         for side, x in zip(SIDES, (rigid[:, j], rigid[:, j] + inner[:, j]), strict=True):
             both = sign * np.abs(x)
             for direction, where in (
@@ -304,11 +337,11 @@ def with_loads(prepared: Prepared, scene: Scene, inner: FloatArray) -> Prepared:
                 ("driven", x * sign < 0.0),
                 ("both", True),
             ):
-                slot = GEARS[side, direction]
-                slots[:, j, slot] = passed(both * where, step)[kept]
+                put(j, GEARS[side, direction], both * where)
         if name not in probe.site_names:
-            slots[:, j, BEARING] = slots[:, j, GEARS["motor", "both"]]
-    return replace(prepared, slots=slots, load=rigid, bearing=bearing)
+            for columns in (slots, rates):
+                columns[:, j, BEARING] = columns[:, j, GEARS["motor", "both"]]
+    return replace(prepared, slots=slots, slot_rates=rates, load=rigid, bearing=bearing)
 
 
 def bearings_only(scene: Scene) -> Scene:

@@ -279,10 +279,5 @@ def _with_slopes(
 
 def _slope(prepared: Prepared, fit: Fit, joint: int, links: int) -> FloatArray:
     """Derivative by time of one joint's fitted effort; the logged one's would be noise."""
-    from scipy.interpolate import CubicSpline
-
-    fitted = (
-        prepared.rigid[:, joint] @ fit.theta[:links] + prepared.slots[:, joint] @ fit.slots[joint]
-    )
-    t = prepared.recording.trajectory.t[prepared.kept]
-    return np.asarray(CubicSpline(t, fitted)(t, 1))
+    links_rate = prepared.rigid_rates[:, joint] @ fit.theta[:links]
+    return np.asarray(links_rate + prepared.slot_rates[:, joint] @ fit.slots[joint])

@@ -70,7 +70,7 @@ from pinfric.identification.stribeck import (
     stribeck_decay,
     with_stribeck,
 )
-from pinfric.model.arrays import FloatArray
+from pinfric.model.arrays import BoolArray, FloatArray
 from pinfric.model.couples import mixed
 from pinfric.model.scene import Scene
 
@@ -133,7 +133,7 @@ class Estimate:
         stribeck: of each joint's friction; None: it has none.
         errors: (nj,) of the chosen laws and of plain friction, on blocks used neither for the
             choice nor for the fit, N m or N.
-        distrusted: whether the chosen laws were worse there than plain friction, now taken instead.
+        distrusted: joints whose chosen laws were worse there than plain friction, now taken.
         gravity: see `gravity_scales`.
     """
 
@@ -148,7 +148,7 @@ class Estimate:
     delay: Delay = field(default_factory=lambda: Delay(0.0, np.inf, ()))
     stribeck: tuple[StribeckFit | None, ...] = ()
     errors: tuple[FloatArray, FloatArray] = (np.zeros(0), np.zeros(0))
-    distrusted: bool = False
+    distrusted: tuple[int, ...] = ()
     gravity: Mapping[int, tuple[float, float]] = field(default_factory=dict)
 
     @cached_property
@@ -237,17 +237,38 @@ def _unjudged(laws: tuple[Law, ...]) -> Choice:
 
 
 def _doubt(estimate: Estimate) -> None:
-    """Take plain friction where choosing laws made unseen blocks worse."""
-    rows = [own.effort.size for own in estimate.rows]
-    chosen, plain = (estimate.problem.weights * rows @ error**2 for error in estimate.errors)
-    if chosen <= (1.0 + MARGIN) ** 2 * plain:
-        return
-    errors, stated_laws = estimate.choice.errors, estimate.question.laws
-    laws = [stated_laws.get(name, PLAIN) for name in estimate.scene.joint_names]
-    estimate.choice = _unjudged(tuple(laws))
-    _fit(estimate, [(law,) for law in laws])
-    estimate.errors, estimate.distrusted = nested_errors(estimate.problem, estimate.rows), True
+    """Take plain friction where choosing laws made unseen blocks worse.
+
+    If all joints together are worse: at those that are worse themselves, then at all.
+    """
+    if (worse := _worse(estimate)).any():
+        _take_plain(estimate, worse)
+        if _worse(estimate).any():
+            _take_plain(estimate, np.ones_like(worse))
+
+
+def _worse(estimate: Estimate) -> BoolArray:
+    """(nj,) whether the chosen laws err more than plain friction, if all joints together do."""
+    rows = np.array([own.effort.size for own in estimate.rows])
+    chosen, plain = (estimate.problem.weights * rows * error**2 for error in estimate.errors)
+    most = (1.0 + MARGIN) ** 2
+    return np.asarray((chosen > most * plain) & (chosen.sum() > most * plain.sum()))
+
+
+def _take_plain(estimate: Estimate, where: BoolArray) -> None:
+    """Fit again, with plain friction (or the stated law) at some joints (nj,)."""
+    stated, errors = estimate.question.laws, estimate.choice.errors
+    names, offers = estimate.scene.joint_names, estimate.problem.laws
+    laws = [
+        (stated.get(name, PLAIN),) if plain else own
+        for name, plain, own in zip(names, where.tolist(), offers, strict=True)
+    ]
+    now = zip(where.tolist(), laws, estimate.choice.laws, strict=True)
+    estimate.choice = _unjudged(tuple(own[0] if plain else law for plain, own, law in now))
+    _fit(estimate, laws)
+    estimate.errors = nested_errors(estimate.problem, estimate.rows)
     estimate.choice = replace(estimate.choice, errors=errors)
+    estimate.distrusted = tuple(np.flatnonzero(where).tolist())
 
 
 def _find_delay(estimate: Estimate, reload: bool = False) -> None:
@@ -278,10 +299,11 @@ def _fit(estimate: Estimate, laws: Sequence[Sequence[Law]]) -> None:
     estimate.rows = rows = tuple(
         joint_rows(estimate.prepared, j, estimate.delay.value) for j in range(nj)
     )
-    blocks_and_logs = np.concatenate([r.block for r in rows]), np.concatenate([r.log for r in rows])
+    joint = np.repeat(np.arange(nj), [r.effort.size for r in rows])
+    block, log = (np.concatenate([getattr(r, name) for r in rows]) for name in ("block", "log"))
     prior = urdf_prior(question.scene.model, question.keep_inertias)
     problem = Problem(
-        (), np.ones(nj), prior, laws, held_out_parts(*blocks_and_logs), question.motor
+        (), np.ones(nj), prior, laws, held_out_parts(joint, block, log), question.motor
     )
     # 2. rows and joints are weighed by what the fit before leaves, with its laws
     fit, row_weights = getattr(estimate, "fit", None), tuple(np.ones(r.effort.size) for r in rows)

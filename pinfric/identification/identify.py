@@ -176,13 +176,14 @@ def _identified(estimate: Estimate, unseen: Sequence[Recording], seed: int) -> I
     bounds = dict(zip(names, rest_bounds(estimate, better), strict=True))
     spread = dict(zip(names, known.spread.tolist(), strict=True))
     coefficients = parameters(estimate, known, static)
-    said = notes(estimate, bounds, coefficients, static, shapes, known.uneven)
+    errors = held_out_errors(estimate, better)
+    said = notes(estimate, bounds, coefficients, static, errors, shapes, known.uneven)
     return Identified(
         scene=better,
         laws={names[j]: estimate.choice.laws[j] for j in estimate.known},
         parameters=coefficients,
         posterior=_posterior(estimate, known, seed),
-        errors=held_out_errors(estimate, better),
+        errors=errors,
         unseen={log.name: unseen_errors(estimate, better, log) for log in unseen},
         rest=bounds,
         spread=spread,

@@ -15,7 +15,7 @@ from collections.abc import Sequence
 import numpy as np
 import pinocchio as pin
 
-from pinfric.identification.normal import Fit, Normal, Prior, gram, non_negative, places
+from pinfric.identification.normal import RIDGE, Fit, Normal, Prior, gram, non_negative, places
 from pinfric.model.arrays import FloatArray
 
 #: lambda: one N m of noise for each unit of change relative to the URDF. From 1e-5 to 3e-2
@@ -91,8 +91,9 @@ def consistent_fit(
     strength = normal.rows * prior.weight
     for _ in range(3):
         active = place[x[place] > 0.0]
+        own = normal.slots[np.ix_(active, active)]
         solved = np.linalg.solve(
-            normal.slots[np.ix_(active, active)],
+            own + RIDGE * np.diag(own.diagonal()),
             np.column_stack((normal.cross[:, active].T, normal.right_slots[active])),
         )
         hessian = normal.rigid - normal.cross[:, active] @ solved[:, :-1] + np.diag(strength)

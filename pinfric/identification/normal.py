@@ -21,7 +21,7 @@ from pinfric.model.arrays import BoolArray, FloatArray, IntArray
 #: Share of the largest eigenvalue below which columns are combinations of each other.
 _DEPENDENT = 1e-9
 #: Draws coefficients of columns scaled to one to zero, where a joint does not move.
-_RIDGE = 1e-8
+RIDGE = 1e-8
 #: Residuals beyond so many median absolute deviations count less (Huber).
 _HUBER = 2.5
 #: No effort is fitted better than to this share of itself: from a simulation it may be, and weights
@@ -285,7 +285,7 @@ def non_negative(left: FloatArray, right: FloatArray) -> FloatArray:
     diagonal = np.diagonal(left, axis1=-2, axis2=-1)
     least = 1e-30 * np.maximum(diagonal.max(axis=-1, keepdims=True), 1.0)
     size = np.sqrt(np.maximum(diagonal, least))
-    scaled = left / (size[..., :, None] * size[..., None, :]) + _RIDGE * np.eye(n)
+    scaled = left / (size[..., :, None] * size[..., None, :]) + RIDGE * np.eye(n)
     target = right / size
     matrices, wanted = scaled.reshape(-1, n, n), target.reshape(-1, n)
     solutions, free = np.empty_like(wanted), np.ones(wanted.shape, dtype=bool)
@@ -302,8 +302,9 @@ def non_negative(left: FloatArray, right: FloatArray) -> FloatArray:
         if open_.size == 0:
             break
     for at in open_.tolist():
-        root = np.linalg.cholesky(matrices[at])
-        solutions[at], _ = nnls(root.T, np.linalg.solve(root, wanted[at]))
+        values, vectors = np.linalg.eigh(matrices[at])  # rounding may leave some below zero
+        root = np.sqrt(np.maximum(values, RIDGE))
+        solutions[at], _ = nnls(root[:, None] * vectors.T, vectors.T @ wanted[at] / root)
     return np.asarray(solutions.reshape(right.shape) / size)
 
 

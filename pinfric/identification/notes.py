@@ -12,6 +12,7 @@ from pinfric.identification.choice import free_errors
 from pinfric.identification.columns import FEWEST_ROWS, PRESLIDING, Rows
 from pinfric.identification.delay import other_delays
 from pinfric.identification.estimate import Estimate, scale_is_known
+from pinfric.identification.findings import HeldOut
 from pinfric.identification.inertias import mass_changes
 from pinfric.identification.laws import BACKWARD, FORWARD, INERTIA, K
 from pinfric.identification.misfit import Misfit
@@ -27,6 +28,9 @@ from pinfric.motions.summary import effort_unit
 _FAST = 0.2
 #: A fit that leaves a larger share of an effort lacks something.
 _MISSED = 0.1
+#: Times the fitted rows' error from which that of all moving rows is a doubt: 1.0 to 1.2 where the
+#: laws hold, 4 to 10 where friction builds up over 2 to 8 mrad.
+_BESIDE_REVERSALS = 2.0
 #: A motor's friction is a larger share of its effort than this.
 _LEAST_FRICTION = 0.01
 #: Share of the time at rest in which an effort should be within the interval.
@@ -53,6 +57,7 @@ def notes(
     rest: Mapping[str, RestBound],
     coefficients: Sequence[Parameter],
     static: Mapping[tuple[int, int], BreakAway],
+    errors: Mapping[str, HeldOut],
     shapes: Sequence[Misfit] = (),
     uneven: Mapping[int, float] = MappingProxyType({}),
 ) -> Notes:
@@ -60,6 +65,7 @@ def notes(
 
     Args:
         rest: joint -> what its holds show. static: see `parameters`.
+        errors: joint -> error on held-out blocks, in fitted rows and in all that move.
         shapes: of residuals. uneven: see `Uncertainty`.
     """
     lines = [
@@ -85,9 +91,10 @@ def notes(
             "appear to move up to this speed"
         )
     if estimate.distrusted:
+        where = ", ".join(estimate.scene.joint_names[j] for j in estimate.distrusted)
         lines.append(
-            "too little data to choose laws: on blocks that were not used, the chosen laws predict "
-            "worse than Coulomb and viscous friction; so Coulomb and viscous friction is used"
+            f"too little data to choose the law of {where}: on blocks that were not used, the "
+            "chosen laws predict worse than Coulomb and viscous friction, which is used there"
         )
     vague = [p.key for p in coefficients if not p.determined]
     if vague:
@@ -100,6 +107,13 @@ def notes(
     names = estimate.scene.joint_names
     fitted = [(j, estimate.rows[j], residuals(estimate.rows[j], estimate.fit, j)) for j in slid]
     contradicting = {
+        "the error of all moving rows is far above that of the fitted ones, which leave out what "
+        "is near reversals: friction builds up over a way after them (presliding), or gear play, "
+        "or a filter, or too few samples a motion": [
+            f"{name} {100 * error.moving_share:.0f} for {100 * error.share:.1f} %"
+            for name, error in errors.items()
+            if error.moving_error > _BESIDE_REVERSALS * error.error
+        ],
         "the model does not explain its effort (held-out error / error of the mean effort), so it "
         "keeps the scene's friction: check joint, sign, zero and unit of its columns of angle and "
         "effort, and of its neighbours'": [

@@ -17,11 +17,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pinfric.identification.columns import FEWEST_ROWS, PASS, Prepared, Rows
+from pinfric.identification.columns import FEWEST_ROWS, Prepared, Rows, passed, thinned
 from pinfric.identification.laws import RESTS_ON, STRIBECK_VELOCITY
 from pinfric.identification.normal import orthonormal
 from pinfric.model.arrays import FloatArray
-from pinfric.motions.log.noise import low_pass
 
 #: Share of a residual's mean square that Stribeck friction must explain to be a candidate.
 _LEAST_GAIN = 0.04
@@ -149,18 +148,20 @@ def beside_other(
 
 def with_stribeck(prepared: Prepared, fits: tuple[StribeckFit | None, ...]) -> Prepared:
     """Return a log's columns with those of Stribeck friction, by joint."""
-    recording, slots = prepared.recording, prepared.slots.copy()
+    recording, kept = prepared.recording, prepared.kept
+    slots, rates = prepared.slots.copy(), prepared.slot_rates.copy()
     at = [*_PARTS, STRIBECK_VELOCITY]
     for j, stribeck in enumerate(fits):
         if stribeck is None:
-            slots[:, j, at] = 0.0
+            slots[:, j, at] = rates[:, j, at] = 0.0
             continue
         v = recording.velocity[:, j]
         n = stribeck.exponent
         ways = _ways(v, prepared.bearing[:, j], stribeck.velocity, n)
         slope = n * np.abs(v / stribeck.velocity) ** n * (ways @ stribeck.excess)
-        slots[:, j, at] = _low_passed(prepared, np.column_stack((ways, slope)))
-    return replace(prepared, slots=slots)
+        columns = passed(np.column_stack((ways, slope)), recording.step)
+        slots[:, j, at], rates[:, j, at] = thinned(columns, kept, recording.step)
+    return replace(prepared, slots=slots, slot_rates=rates)
 
 
 def _ways(v: FloatArray, load: FloatArray, velocity: float, exponent: float) -> FloatArray:
@@ -175,19 +176,13 @@ def _passed(
     """The columns of `_ways` at a joint's rows in all logs, low-passed."""
     return np.concatenate(
         [
-            _low_passed(log, _ways(v, log.bearing[:, joint], velocity, exponent))[
-                log.slides[:, joint]
+            passed(_ways(v, log.bearing[:, joint], velocity, exponent), log.recording.step)[
+                log.kept[log.slides[:, joint]]
             ]
             for log in prepared
             for v in [log.recording.velocity[:, joint]]
         ]
     )
-
-
-def _low_passed(prepared: Prepared, columns: FloatArray) -> FloatArray:
-    step = prepared.recording.step
-    columns = low_pass(columns, step, PASS) if step * PASS < 0.45 else columns
-    return np.asarray(columns[prepared.kept])
 
 
 def stribeck_decay(v: FloatArray, velocity: float, exponent: float) -> FloatArray:

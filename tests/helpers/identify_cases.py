@@ -298,7 +298,9 @@ def prepared_of(v: np.ndarray, columns: dict, **more: object) -> Prepared:
     given |= {"rigid": np.zeros((len(v), 1, 10)), "effort": None, "payload": still}
     given |= {"missing": still, "presliding": np.zeros((len(v), 1, 3))}
     given |= {"bearing": still, "turns": np.zeros((len(v), 1), dtype=bool)} | more
-    return Prepared(recording=recording, slots=rows_of(t, columns).slots[:, None], **given)
+    slots = rows_of(t, columns).slots[:, None]
+    given |= {"rigid_rates": given["rigid"], "slot_rates": 0.0 * slots}
+    return Prepared(recording=recording, slots=slots, **given)
 
 
 def parameter(found: Identified, section: str, joint: int, name: str):

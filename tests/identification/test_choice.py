@@ -129,11 +129,25 @@ def test_friction_that_falls_with_speed_under_load_and_not_without_is_found(n):
 
 def test_every_part_that_is_held_out_leaves_something_to_fit():
     sliding = np.repeat(np.arange(300, 304), 9)  # of 720 blocks of an hour
-    assert len(set(held_out_parts(sliding, np.zeros_like(sliding))[300:])) == 4
+    one = np.zeros_like(sliding)
+    assert len(set(held_out_parts(one, sliding, one)[300:])) == 4
     logs = np.repeat([1, 3], 18)  # of five logs
-    assert len(set(held_out_parts(sliding, logs)[300:])) == 4
+    assert len(set(held_out_parts(one, sliding, logs)[300:])) == 4
     each = np.repeat(np.arange(0, 12, 2), 9)
-    assert held_out_parts(each, each // 2)[::2].tolist() == [0, 1, 2, 3, 4, 5]
+    assert held_out_parts(0 * each, each, each // 2)[::2].tolist() == [0, 1, 2, 3, 4, 5]
+
+
+def test_no_part_takes_a_joint_that_moves_in_one_log_of_five():
+    """Joint 0 in logs 0 and 3, joint 1 in 1 and 4, joint 2 in 2 alone, of 8 blocks each."""
+    block = np.repeat(np.arange(40), 6)
+    log = block // 8
+    joint = log % 3
+    parts = held_out_parts(joint, block, log)
+    for j in range(3):
+        taken = np.bincount(parts[block[joint == j]])
+        assert taken.max() <= 0.25 * taken.sum()
+    short = np.where(joint == 2, 17, block)  # one block cannot be divided
+    assert held_out_parts(joint, short, log).max() < 10
 
 
 @pytest.mark.slow

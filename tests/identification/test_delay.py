@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from identify_cases import DELAY, NAMES, PLAIN, guess, true_friction
+from identify_cases import DELAY, NAMES, PLAIN, guess, one_joint, true_friction
 from identify_wrong_models import wrong_log
 
 import pinfric as pf
@@ -70,6 +70,27 @@ def test_a_delay_is_not_drawn_to_a_multiple_of_the_step():
     found = pf.identify(guess(1400), wrong_log("true", 1400, 30.0, 50.0), laws=PLAIN)
     delay = found.estimate.delay
     assert abs(delay.value - DELAY) < 2.0 * delay.standard_error < 4e-3
+
+
+def test_a_long_log_of_which_few_samples_are_kept_tells_its_delay():
+    """2,400 s: 3.2 +- 0.1 ms were found for 20, by slopes of the few samples that are kept."""
+    random, late, t = np.random.default_rng(5), 0.020, np.arange(0.0, 2400.0, 0.01)
+
+    def motion(t):
+        turns, size = np.array([0.63, 1.27, 2.51]), np.array([0.5, 0.4, 0.3])
+        angle = np.outer(t, turns)
+        q, v = np.sin(angle) @ size, np.cos(angle) @ (size * turns)
+        return q, v, -np.sin(angle) @ (size * turns**2)
+
+    q, v, a = motion(t - late)
+    effort = 0.51 * a - 9.81 * np.cos(q) + 6.0 * np.sign(v) + 5.0 * v
+    effort += 0.3 * random.normal(size=t.size)
+    log = pf.Log(t, motion(t)[0][:, None], effort[:, None])
+    found = pf.identify(one_joint(), log, inertia="keep")
+    delay = found.estimate.delay
+    assert abs(delay.value - late) < 2.5 * delay.standard_error < 1.5e-3
+    viscous = next(p for p in found.parameters if p.name == "viscous")
+    assert viscous.low < 5.0 < viscous.high < 5.1
 
 
 def test_a_delay_that_joints_do_not_agree_on_is_less_certain():

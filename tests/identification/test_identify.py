@@ -17,7 +17,9 @@ from identify_cases import (
     csv_log,
     excitation,
     guess,
+    log,
     motor_effort,
+    one_joint,
     parameter,
     short,
     truth,
@@ -180,3 +182,33 @@ def test_the_command_writes_what_runs(tmp_path, capsys, monkeypatch):
         (("--effort-at", "shaft"), "'--effort-at': 'shaft'"),
     ):
         assert said in refused(capsys, *given, *bad)
+
+
+@pytest.mark.parametrize("gap", [8.0, 30.0])
+def test_a_wrist_that_turns_seldom_and_fast_is_taken_with_a_doubt(gap):
+    """20 Hz, turns of 0.2 s: two or three samples of each slide, all at one speed."""
+    random, t = np.random.default_rng(0), np.arange(0.0, 240.0, 0.05)
+    q, effort = np.zeros_like(t), 0.02 * random.normal(size=t.size)
+    for k, start in enumerate(np.arange(4.0, 236.0, gap)):
+        s = np.clip((t - start) / 0.2, 0.0, 1.0)
+        v = (-1) ** k * 2.5 * (30.0 * s**2 - 60.0 * s**3 + 30.0 * s**4)
+        q += (-1) ** k * 0.5 * (10.0 * s**3 - 15.0 * s**4 + 6.0 * s**5)
+        effort += np.sign(v) * (np.abs(v) > 1e-9) * (2.0 + 0.5 * np.abs(v))
+    found = pf.identify(one_joint(), pf.Log(t, q[:, None], effort[:, None]))
+    (error,) = found.errors.values()
+    assert error.moving_share > 10.0 * error.share
+    assert "far above that of the fitted ones" in found.doubts[0]
+    assert all(p.name != "rotor_inertia" for p in found.parameters)
+    entry = found.scene.friction["arm"].coulomb.positive
+    assert 1.0 < entry.kinetic < 10.0
+
+
+def test_a_joint_that_moves_in_one_log_of_five_keeps_its_friction():
+    """Before, whole logs were held out, and with one of them all that was known of the joint."""
+    pairs = [(0, 3), (1, 4), (2, 5), (0, 3), (1, 4)]
+    logs = [
+        log(60 + k, 15.0, 125.0, still=set(range(6)) - set(pair)) for k, pair in enumerate(pairs)
+    ]
+    found = pf.identify(guess(60), logs, laws=PLAIN)
+    assert set(found.laws) == set(NAMES)
+    assert all(error.share < 0.1 for error in found.errors.values())

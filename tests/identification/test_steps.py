@@ -33,7 +33,7 @@ from pinfric.errors import IdentificationError
 from pinfric.identification import advice
 from pinfric.identification.advice import advice_text
 from pinfric.identification.columns import joint_rows, with_loads
-from pinfric.identification.estimate import _at_an_end, _doubt
+from pinfric.identification.estimate import _at_an_end, _worse
 from pinfric.identification.files import posterior_text
 from pinfric.identification.findings import HeldOut
 from pinfric.identification.laws import (
@@ -158,12 +158,10 @@ def test_laws_are_trusted_by_the_squares_of_all_rows():
     errors = np.array([0.9, 1.5]), np.ones(2)
     rows = [SimpleNamespace(effort=np.zeros(n)) for n in (900, 100)]
     problem = SimpleNamespace(weights=np.ones(2))
-    given = SimpleNamespace(rows=rows, problem=problem, errors=errors, distrusted=False)
-    _doubt(given)
-    assert not given.distrusted
+    given = SimpleNamespace(rows=rows, problem=problem, errors=errors)
+    assert _worse(given).tolist() == [False, False]
     given.rows.reverse()
-    with pytest.raises(AttributeError):  # it goes on to fit plain friction
-        _doubt(given)
+    assert _worse(given).tolist() == [False, True]  # the other joint keeps its law
 
 
 def test_of_two_losses_one_that_is_zero_is_the_end_of_the_masses_scale(found):
