@@ -10,6 +10,7 @@ from numpy.testing import assert_allclose
 
 import pinfric as pf
 from pinfric.accuracy.explain import explain
+from pinfric.dynamics.samples.random_states import random_states
 from pinfric.motions.summary import known_rms
 from pinfric.motions.trajectory import Trajectory
 
@@ -43,6 +44,25 @@ def test_rms_is_over_time_not_over_samples():
     times = np.array([0.0, 1.0, 1.5, 9.5])
     assert_allclose(known_rms(times, known), [np.sqrt((1 + 1.25 + 32) / 9.5), 4.0])
     assert_allclose(known_rms(None, known), np.sqrt([10 / 4, 41 / 3]))
+
+
+def test_random_states_of_a_drive_off_the_joint_by_hand():
+    """The drawer has no loop: its pads carry weight and couple, |F| = |m a| + mu |(W, 2 F y/l)|."""
+    scene = pf.load_scene("drawer")
+    _, v, a = random_states(scene)
+    mass, weight, mu, lever = 4.0, 4.0 * 9.81, 0.4, 2.0 * 0.2 / 0.3
+    force = inertial = mass * a[:, 0]
+    for _ in range(100):  # contracts by mu lever = 0.53
+        force = inertial + mu * np.sign(v[:, 0]) * np.hypot(weight, lever * force)
+    found = {e.name: e for e in explain(scene).effects}
+    change = np.abs(force).max() - np.abs(inertial).max()
+    assert found["load"].peak_change == pytest.approx(change)
+    assert found["load"].drive == "push"
+
+
+def test_random_states_do_not_close_loops():
+    with pytest.raises(pf.PinfricError, match=r"four_bar\.yaml: .* the loops; give a trajectory$"):
+        explain(pf.load_scene("four_bar"))
 
 
 def test_what_gears_lose_with_their_load_is_a_row_each():

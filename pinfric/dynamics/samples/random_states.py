@@ -17,9 +17,9 @@ def random_states(scene: Scene) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     Raises:
         StateError: the scene has loops, which random states do not close.
     """
-    if scene.linkage is not None:
+    if scene.linkage is not None and scene.linkage.loops:
         raise StateError(
-            f"{scene.source}: random states would not close its loops; give a trajectory"
+            f"{scene.source}: random states would not close the loops; give a trajectory"
         )
     model = scene.model
     rng = np.random.default_rng(0)
