@@ -287,8 +287,13 @@ PROGRESS = CompileProgress()
 
 
 def _wrapper(compiled: Any) -> Any:
-    """Return a library with what Python calls to call a kernel."""
-    context, name = compiled.target_context, compiled.fndesc.llvm_cpython_wrapper_name
+    """Return a library with what Python calls to call a kernel.
+
+    A kernel from the cache has a context that does not count the references of arrays: Python would
+    get arrays that are nowhere.
+    """
+    context: Any = compiled.target_context.subtarget(enable_nrt=True)
+    name = compiled.fndesc.llvm_cpython_wrapper_name
     library = context.codegen().create_library(name)
     library.enable_object_caching()
     library.add_linking_library(rtsys.library)
@@ -508,7 +513,7 @@ class _CheckedCache(FunctionCache):
 
     def entry(self, compiled: Any) -> Any:
         """Return what Python calls to call a kernel, cached beside it."""
-        key = *self._index_key(compiled.signature, compiled.codegen), "from Python"
+        key = *self._index_key(compiled.signature, compiled.codegen), "Python, counting"
         constants = compiled.environment.consts  # the wrapper reads those that it needs by place
         if (kept := self._cache_file.load(key)) is not None:
             constants[:], library = kept[0], compiled.codegen.unserialize_library(kept[1])

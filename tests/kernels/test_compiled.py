@@ -114,6 +114,22 @@ if sys.argv[1:]:
 for each in [globals()[name] for name in sys.argv[1:]] or [eighth]:
     print(each(8.0), sum(eighth._cache_hits.values()), file=sys.stderr)
 """
+#: A kernel that returns an array, which another calls.
+ARRAY = """
+import numpy as np
+from pinfric.kernels import interpreted
+from pinfric.kernels.compiled import kernel
+
+interpreted.PATIENCE = 0.0
+
+@kernel
+def doubled(x):
+    return 2.0 * x
+
+@kernel
+def total(x):
+    return doubled(x).sum()
+"""
 
 
 def environment(folder, path=ROOT):
@@ -299,6 +315,20 @@ def test_a_kernel_is_read_with_those_that_it_calls(lost, compiled_before, hit, t
         python(tmp_path, "chain_of_a_test.py", *compiled_before)
     assert f"1.0 {hit}" in python(tmp_path, "chain_of_a_test.py").stderr
     assert python(tmp_path, "chain_of_a_test.py").stderr == "1.0 1\n"
+
+
+def test_python_gets_the_array_of_a_kernel_that_was_compiled_for_a_caller(tmp_path, monkeypatch):
+    """The second process, which found it in the cache, crashed."""
+    monkeypatch.setattr("numba.config.CACHE_DIR", str(tmp_path / "cache"))
+    (tmp_path / "array_of_a_test.py").write_text(ARRAY)
+    x = np.arange(3.0)
+    before = sys.getrefcount(x)
+    assert runpy.run_path(tmp_path / "array_of_a_test.py")["total"](x) == 6.0
+    for _ in range(2):  # what Python calls is written, then read
+        doubled = runpy.run_path(tmp_path / "array_of_a_test.py")["doubled"]
+        assert doubled(x).tolist() == [0.0, 2.0, 4.0]
+        assert sum(doubled._cache_hits.values()) == 1
+    assert sys.getrefcount(x) == before
 
 
 def survive(folder, kills):
