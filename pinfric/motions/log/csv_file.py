@@ -12,7 +12,7 @@ import gzip
 import math
 import re
 import zlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -93,13 +93,13 @@ def open_csv(path: Path) -> OpenedLog:
         table = _one_row_a_time(_table(path, _numbered_lines(path)), place)
     in_memory = table.is_named or table.rewritten
 
-    def read(names: Sequence[str], problems: list[str]) -> LogFrame:
+    def read(names: Sequence[str], problems: list[str], may_lack: Collection[str]) -> LogFrame:
         in_parts = not in_memory and path.stat().st_size >= _SMALL
         raw = _read_in_parts(table, names) if in_parts else None
         if raw is None:
             whole = table if in_memory else _table(path, _numbered_lines(path))
             raw = _read_by_line(whole, names)
-        return usable_rows(raw, problems)
+        return usable_rows(raw, problems, may_lack)
 
     first = cells_of(table.rows[0], table.separator)
     clocks = dict(zip(table.header, first, strict=False))

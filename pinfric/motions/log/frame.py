@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -89,14 +89,14 @@ class OpenedLog:
     """An opened file: its columns, a function that reads some of them, and notes on the file.
 
     Args:
-        read: names of columns, a list for problems -> their numbers.
+        read: names of columns, a list for problems, columns that may lack numbers -> their numbers.
         first: the first row's texts, for columns that hold names.
         recorded: whether velocities in it are measured, not part of a plan.
         units: column -> unit, where the file itself says it.
     """
 
     header: list[str]
-    read: Callable[[Sequence[str], list[str]], LogFrame]
+    read: Callable[[Sequence[str], list[str], Collection[str]], LogFrame]
     first: Sequence[str] = ()
     recorded: bool = False
     notes: tuple[str, ...] = ()
@@ -130,7 +130,7 @@ def arrays_log(
 ) -> OpenedLog:
     """Return columns of numbers as a log; whole numbers keep all their digits."""
 
-    def read(names: Sequence[str], problems: list[str]) -> LogFrame:
+    def read(names: Sequence[str], problems: list[str], may_lack: Collection[str]) -> LogFrame:
         origin, parts = {}, []
         for name in names:
             values = columns[name]
@@ -140,24 +140,27 @@ def arrays_log(
             parts.append(np.asarray(values, dtype=np.float64))
         rows = np.array(parts).reshape(len(names), -1).T
         frame = LogFrame(tuple(names), rows, range(1, len(rows) + 1), origin=origin)
-        return usable_rows(RawRows(frame, np.isnan(rows)), problems)
+        return usable_rows(RawRows(frame, np.isnan(rows)), problems, may_lack)
 
     return OpenedLog(list(columns), read, recorded=recorded, notes=notes, units=units)
 
 
-def usable_rows(rows: RawRows, problems: list[str]) -> LogFrame:
+def usable_rows(rows: RawRows, problems: list[str], may_lack: Collection[str]) -> LogFrame:
     """Leave out the rows that cannot be used; many of them are problems.
 
-    Rows with a number in the first column only belong to another source.
+    Rows with a number in the first column only belong to another source. Columns that `may_lack`
+    numbers have NaN in up to half of the rows: without an effort a motion is still known.
     """
     frame = rows.frame
-    finite = np.isfinite(frame.values).all(axis=1)
-    absent: BoolArray = np.asarray(rows.unreadable[:, 1:].all(axis=1))
+    lacks = _lacking(rows, may_lack)
+    rows = replace(rows, unreadable=rows.unreadable & ~lacks)
+    finite = (np.isfinite(frame.values) | lacks).all(axis=1)
+    absent: BoolArray = np.asarray((rows.unreadable | lacks)[:, 1:].all(axis=1))
     for i in np.flatnonzero(absent).tolist():
         absent[i] = not any(rows.cell(i, j) for j in range(1, len(frame.names)))
     absent &= not absent.all()
     bad = ~finite & ~absent
-    wrong = _bad_cells(rows, absent) if bad.any() or rows.torn else []
+    wrong = _bad_cells(rows, absent, lacks) if bad.any() or rows.torn else []
     count, lost = len(bad) + len(rows.torn), int(bad.sum()) + len(rows.torn)
     few = count >= FEWEST and (lost <= BAD_SHARE * count or (rows.cut and lost == 1))
     if not few:
@@ -170,7 +173,19 @@ def usable_rows(rows: RawRows, problems: list[str]) -> LogFrame:
     return replace(frame, dropped=dropped, why=why, absent=int(absent.sum()))
 
 
-def _bad_cells(rows: RawRows, absent: BoolArray) -> list[str]:
+def _lacking(rows: RawRows, may_lack: Collection[str]) -> BoolArray:
+    """(rows, n) where a column that may lack numbers has none: an empty cell, or nan."""
+    frame = rows.frame
+    lacks = np.zeros(frame.values.shape, dtype=bool)
+    for j in [j for j, name in enumerate(frame.names) if name in may_lack]:
+        none = np.isnan(frame.values[:, j])
+        for i in np.flatnonzero(none & rows.unreadable[:, j]).tolist():
+            none[i] = not rows.cell(i, j).strip()  # a word is no number that was not taken
+        lacks[:, j] = none & (none.sum() <= 0.5 * none.size)
+    return lacks
+
+
+def _bad_cells(rows: RawRows, absent: BoolArray, lacks: BoolArray) -> list[str]:
     problems, lines, names = [], rows.frame.lines, rows.frame.names
     if rows.torn:
         problems.append(
@@ -193,7 +208,8 @@ def _bad_cells(rows: RawRows, absent: BoolArray) -> list[str]:
         problems.append(f"not a number: {where}; {_remedy([rows.cell(i, j) for i, j in words])}")
     for j, name in enumerate(names):
         column = rows.frame.values[:, j]
-        wrong = np.flatnonzero(~np.isfinite(column) & ~rows.unreadable[:, j]).tolist()
+        known = rows.unreadable[:, j] | lacks[:, j]
+        wrong = np.flatnonzero(~np.isfinite(column) & ~known).tolist()
         if wrong:
             where = listing(f"{column[i]:g} at sample {i} (line {lines[i]})" for i in wrong)
             problems.append(f"column {name}: {where}; every value must be finite")

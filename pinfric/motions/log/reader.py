@@ -159,7 +159,8 @@ def _to_si(
 ) -> tuple[Samples, list[float]]:
     """Return the rows in SI and in order of time, with efforts, and rad per unit."""
     # 1. numbers
-    cells = log.read(columns.used(), said.problems)
+    efforts_of = {use.column for use in columns.effort.values()}
+    cells = log.read(columns.used(), said.problems, efforts_of)
     said.problems += (absurd := _absurd(cells, columns))
     if absurd or not len(cells.values):
         refuse(name, said.problems or ["there are no samples"])
@@ -168,6 +169,9 @@ def _to_si(
         said.notes.append(f"left out {counted(cells.dropped, 'row')} of {total}: {cells.why}")
     if cells.absent:
         said.notes.append(f"{counted(cells.absent, 'row')} without positions skipped")
+    for joint, effort_use in columns.effort.items():
+        if lost := int(np.isnan(cells.column(effort_use.column)).sum()):
+            said.notes.append(f"joint {joint}: no effort in {counted(lost, 'row')}")
     # 2. units; a person knows better than a header
     uses = [columns.position[column.name] for column in named]
     known = [None if columns.by_header and options.unit else use.unit for use in uses]
@@ -238,7 +242,7 @@ def _moving_though_locked(
         if quantity != "position":
             continue
         place, unit = locked[joint]
-        q = (factor if unit == "rad" else 1.0) * log.read([column], []).values[:, 0]
+        q = (factor if unit == "rad" else 1.0) * log.read([column], [], ()).values[:, 0]
         q = q[np.isfinite(q)]
         if q.size and np.ptp(q) > _LOCKED_WAY:
             problems.append(

@@ -86,7 +86,7 @@ def test_a_long_file_is_parsed_in_parts_to_the_same_numbers(tmp_path, monkeypatc
     monkeypatch.setattr(csv_file, "_HEAD", 40)
     path.write_text("\n".join(["# made by a test", "stamp,a,b", *lines]))
     monkeypatch.setattr(csv_file, "_read_by_line", None)  # nothing is unusual in it
-    found = csv_file.open_csv(path).read(("stamp", "b"), [])
+    found = csv_file.open_csv(path).read(("stamp", "b"), [], ())
     assert found.column("stamp").tolist() == (stamps - stamps[0]).tolist()  # no digit is lost
     assert found.origin == {"stamp": int(stamps[0])}
     assert found.column("b").tolist() == numbers[:, 1].tolist()
@@ -99,10 +99,10 @@ def test_both_ways_to_read_a_file_give_the_same(mark, tmp_path, monkeypatch):
     """In parts by pandas, and line by line."""
     path = tmp_path / "log.csv"
     path.write_text(table(("t", *NAMES), 1e15 + T, 1e3 * Q, mark=mark, form="%.17g"))
-    by_line = csv_file.open_csv(path).read(("t", *NAMES), [])
+    by_line = csv_file.open_csv(path).read(("t", *NAMES), [], ())
     monkeypatch.setattr(csv_file, "_SMALL", 0)
     monkeypatch.setattr(csv_file, "_read_by_line", None)
-    in_parts = csv_file.open_csv(path).read(("t", *NAMES), [])
+    in_parts = csv_file.open_csv(path).read(("t", *NAMES), [], ())
     assert in_parts.values.tolist() == by_line.values.tolist()
     assert (in_parts.resolution, in_parts.origin) == (by_line.resolution, by_line.origin)
     assert list(in_parts.lines) == list(by_line.lines)
@@ -133,7 +133,7 @@ def test_what_is_wrong_in_a_long_file_is_said_as_of_any_other(row, named, tmp_pa
     lines[999] = row
     path = tmp_path / "long.csv"
     path.write_text("\n".join(["t,a,b", *lines]))
-    found = csv_file.open_csv(path).read(("t", "b"), [])
+    found = csv_file.open_csv(path).read(("t", "b"), [], ())
     assert (found.dropped, found.why, len(found.values)) == (1, named, 3999)
 
 

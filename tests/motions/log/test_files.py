@@ -52,7 +52,7 @@ def test_joints_of_one_row_each_stand_in_any_order_and_may_lack_one(tmp_path):
     file.write_text("\n".join(["time,joint,position", *rows]))
     log, problems = open_csv(file), []
     assert log.header == ["time", "a/position", "b/position"]
-    a, b = log.read(["a/position", "b/position"], problems).values.T
+    a, b = log.read(["a/position", "b/position"], problems, ()).values.T
     assert problems == []
     expected = [10 * k for k in range(300) if k != 5]
     assert (a.tolist(), b.tolist()) == (expected, [x + 1 for x in expected])

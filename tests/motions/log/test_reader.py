@@ -5,10 +5,11 @@ import re
 import numpy as np
 import pytest
 from builders import pick_and_place
-from log_cases import write_csv
+from log_cases import NAMES, Q, T, load, write_csv
 from numpy.testing import assert_allclose, assert_array_equal
 from trajectory_cases import arm_scene, message, one_joint_scene, write
 
+from pinfric.errors import TrajectoryError
 from pinfric.motions.log.reading import ReadingOptions
 from pinfric.motions.trajectory import load_trajectory
 
@@ -177,3 +178,24 @@ def test_files_that_cannot_be_read(tmp_path):
     binary = tmp_path / "b.csv"
     binary.write_bytes(b"\xff\xfe\x00\x81")
     assert "not a text file" in message(binary, scene)
+
+
+def test_a_missing_effort_is_no_missing_motion(tmp_path):
+    """Empty cells and nan of one effort leave its rows; most of them, or words, do not."""
+    lift = np.where(T > 1.5, np.nan, 1.0 + T)
+    header = ("t", *NAMES, *(f"{name}.effort" for name in NAMES))
+
+    def read(cells):
+        rows = [f"{t:.9g},{a:.9g},{b:.9g},1,{c}" for t, (a, b), c in zip(T, Q, cells, strict=True)]
+        return load(tmp_path, "\n".join([",".join(header), *rows]))
+
+    whole = read(1.0 + T)
+    for cells in (np.where(np.isnan(lift), "", lift.astype(str)), lift):
+        motion = read(cells)
+        assert_array_equal(motion.q, whole.q)
+        assert_array_equal(motion.v, whole.v)
+        assert_array_equal(np.isnan(motion.reading.effort["arm_lift"]), np.isnan(lift))
+        assert "joint arm_lift: no effort in 99 rows" in motion.reading.notes
+    for cells in (np.where(T > 0.9, np.nan, 1.0), np.where(T > 1.5, "lost", "1")):
+        with pytest.raises(TrajectoryError, match=r"arm_lift\.effort"):
+            read(cells)
