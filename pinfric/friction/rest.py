@@ -6,9 +6,9 @@ Of all frictions in equilibrium the one is taken whose largest ratio to its limi
     |x_k| <= t limit_k,      0 = rate_free + A^T A x
 
 With one degree of freedom x_k = -t limit_k sign(A_k). With several, all joints that move in the
-weakest direction w, in which the mechanism breaks away at t = 1, have the ratio t. Limits depend on
-loads, and loads on friction, so t may be above the least: `holding` decides whether another x
-holds.
+weakest direction w, in which the mechanism breaks away at t = 1, have the ratio t. Limits follow
+loads, and loads friction: by the tangents of the limits where the search ends, no x nearby has a
+smaller t. Where this t is above 1, `holding` decides whether another x holds.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from pinfric.friction.given_modes import ROUNDING, judge, try_modes
 from pinfric.friction.holding import decide
 from pinfric.friction.law import add_load_slopes, evaluate, slip_law, stick_limits
 from pinfric.friction.problem import Modes, Problem, bounded
-from pinfric.friction.sharing import Group, joint_sizes, share, share_one
+from pinfric.friction.sharing import Group, joint_sizes, share_nearby, share_one
 
 #: Passes of Anderson's extrapolation.
 _PASSES = 400
@@ -259,7 +259,7 @@ class _Shared:
         self.alone = np.flatnonzero(modes.stuck & ~self.shared)
         self.possible, self.follows_loads = True, True
         self.push = np.zeros(nc)
-        self.weakest: list[np.ndarray | None] = [None] * len(groups)
+        self.speeds: list[np.ndarray | None] = [None] * len(groups)
         self.sharp = 4e-15 if all(len(A) == 1 for _, _, A in self.groups) else 1e-9
 
     def solve(self, lines: np.ndarray) -> tuple[int, int, int, int]:
@@ -291,9 +291,11 @@ class _Shared:
                 contact = p.contact.copy()
                 contact[:, 0] += np.einsum("tce,c->te", p.contact[:, 1:], moving)
                 p = p._replace(rate_free=p.rate_free + p.rate_slope @ moving, contact=contact)
-            verdict = decide(p, self.mechanism.factor, stuck, slope=self.mechanism.slope)
+            given = p, self.mechanism.factor, stuck
+            verdict = decide(*given, slope=self.mechanism.slope)
             if verdict.held:
                 held = True
+                verdict = decide(*given, slope=self.mechanism.slope, least_below=1.0)
                 self.write(verdict.friction + moving)
         # 3. what breaks its law
         off_lines, changed = fit(self.given, modes, lines, True) if modes.effort.size else (0, 0)
@@ -333,17 +335,21 @@ class _Shared:
                 return np.full(len(x), np.nan)
             towards = A.T @ b
             self.push[group] = -towards
-            limit = np.where(towards > 0.0, self.most[group], -self.least[group])
             block = self.mechanism.block[group]
-            if len(A) > 1 or not self.follows_loads:
-                new[group], self.weakest[i] = share(A, b, limit, block, self.weakest[i])
-                continue
-            used = joint_sizes(x[group], block)
+            near = x[group] if self.follows_loads else np.zeros(len(group))
+            way = np.where(near != 0.0, near, towards)
+            limit = np.where(way > 0.0, self.most[group], -self.least[group])
+            used = joint_sizes(near, block)
             most = float((used / np.where(limit > 0.0, limit, np.inf)).max())
             owner, slope = p.coordinate[p.contact_entry], np.zeros((len(x), len(x)))  # of limits
             add_load_slopes(p.contact, owner, p.grip[p.contact_entry], x, slope)
-            slope = slope[np.ix_(group, group)]
-            new[group] = share_one(A, b, limit, slope, min(most, 1.0), block)
+            slope = min(most, 1.0) * slope[np.ix_(group, group)]
+            if len(A) == 1 and self.follows_loads:
+                new[group] = share_one(A, b, limit, slope, block)
+                continue
+            new[group], self.speeds[i] = share_nearby(
+                A, b, limit, slope, near, block, self.speeds[i]
+            )
         return new
 
     def judge(self) -> int:

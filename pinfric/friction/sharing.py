@@ -41,7 +41,11 @@ class Group(NamedTuple):
 
 
 def share(
-    A: np.ndarray, b: np.ndarray, limit: np.ndarray, block: np.ndarray, w: np.ndarray | None = None
+    A: np.ndarray,
+    b: np.ndarray,
+    limit: np.ndarray,
+    block: np.ndarray,
+    speeds: np.ndarray | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the x with A x = b that has the least max |x_k| / limit_k.
 
@@ -53,7 +57,7 @@ def share(
         b: (r,).
         limit: (n,) static limit the way x points.
         block: (n,) joint of each column; |.| is over the columns of a joint.
-        w: (r,) where to start; None: anywhere.
+        speeds: (n,) A^T w of a similar problem, near which to start; None: anywhere.
 
     Returns:
         x (n,), the least squares solution where nothing can hold; w (r,).
@@ -63,7 +67,7 @@ def share(
         return np.asarray(np.linalg.lstsq(A, b, rcond=RANK)[0]), b
     same = np.equal.outer(block, block).astype(float)
     # with one freedom w is known
-    w = b / size if len(b) == 1 else _weakest(A, b / size, limit, same, w)
+    w = b / size if len(b) == 1 else _weakest(A, b / size, limit, same, speeds)
     rounding = _SMOOTH * np.sqrt(same @ (A**2).sum(axis=0))
     # as the root: weights differ by 1e12 where one limit is more than any, squares lose directions
     root = np.sqrt(limit / np.sqrt(same @ (A.T @ w) ** 2 + rounding**2 + 1e-300))
@@ -71,6 +75,40 @@ def share(
     for _ in range(2):  # once more for what rounding left
         x += root * np.linalg.lstsq(scaled, b - A @ x, rcond=1e-15)[0]
     return x + np.linalg.lstsq(A, b - A @ x, rcond=RANK)[0], w
+
+
+def share_nearby(
+    A: np.ndarray,
+    b: np.ndarray,
+    limit: np.ndarray,
+    slope: np.ndarray,
+    near: np.ndarray,
+    block: np.ndarray,
+    speeds: np.ndarray | None,
+) -> tuple[np.ndarray, np.ndarray]:
+    """`share` for several freedoms, where limits depend on the friction, near one.
+
+    With e_k the direction of near_k and y = x - e slope (x - near), |y_k| <= t limit_k says that
+    |x_k| <= t limit_k + slope_k (x - near), to first order. x = near has no better x nearby.
+
+    Args:
+        A, b, limit, block, speeds: see `share`.
+        slope: (n, n) t d limit_k / d x_j, with the t so far.
+        near: (n,) friction at which the limits are given.
+
+    Returns:
+        x (n,), speeds (n,).
+    """
+    used = joint_sizes(near, block)
+    follows = slope * (near / np.where(used > 0.0, used, 1.0))[:, None]
+    try:
+        back = np.linalg.inv(np.eye(len(near)) - follows)
+    except np.linalg.LinAlgError:  # friction wedges itself
+        return np.full_like(near, np.nan), near
+    offset = back @ (follows @ near)
+    along = A @ back
+    y, w = share(along, b + A @ offset, limit, block, speeds)
+    return back @ y - offset, along.T @ w
 
 
 def joint_sizes(x: np.ndarray, block: np.ndarray) -> np.ndarray:
@@ -83,23 +121,21 @@ def share_one(
     b: np.ndarray,
     limit: np.ndarray,
     slope: np.ndarray,
-    used: float,
     block: np.ndarray,
 ) -> np.ndarray:
     """`share` for one freedom, where limits depend on the friction: least max |x_k| / limit_k(x).
 
-    x = t limit_k z_k / |z_k|,   z = A^T w + t slope^T |z|         (conditions of a least t)
+    x = t limit_k z_k / |z_k|,   z = A^T w + slope^T |z|           (conditions of a least t)
 
     The friction of a joint that moves little may act with the motion if this loads others more.
 
     Args:
         A, b, limit, block: see `share`, r = 1.
-        slope: (n, n) d limit_k / d x_j.
-        used: t so far.
+        slope: (n, n) t d limit_k / d x_j, with the t so far.
     """
     direct = A[0] * np.sign(b[0])
     z = np.empty_like(direct)
-    call_compiled(_along_one, direct, np.ascontiguousarray(used * slope.T), block, z)
+    call_compiled(_along_one, direct, np.ascontiguousarray(slope.T), block, z)
     same = np.equal.outer(block, block)
     size = np.sqrt(same @ z**2 + (_SMOOTH * np.abs(z).max()) ** 2)
     x = limit * z / np.where(size > 0.0, size, 1.0)
@@ -143,16 +179,25 @@ def _along_one(direct: np.ndarray, gain: np.ndarray, block: np.ndarray, z: np.nd
 
 
 def _weakest(
-    A: np.ndarray, b: np.ndarray, limit: np.ndarray, same: np.ndarray, w: np.ndarray | None
+    A: np.ndarray,
+    b: np.ndarray,
+    limit: np.ndarray,
+    same: np.ndarray,
+    speeds: np.ndarray | None,
 ) -> np.ndarray:
     """Motion w (r,), b^T w = 1, |b| = 1, of least resistance: Newton, kinks rounded ever less.
 
-    From w on they are as sharp as at the end; where that ends early all begins anew from b.
+    Near given speeds (n,) they are as sharp as at the end: in w those that rest, or nearly, do.
+    Where that ends early all begins anew from b.
     """
-    if w is not None and float(w @ b) > 0.0:
-        w, stationary = _newton(A, b, limit, same, w / float(w @ b), _SMOOTH)
-        if stationary:
-            return w
+    if speeds is not None:
+        slow = np.sqrt(same @ speeds**2)
+        slow += _SMOOTH * slow.max()
+        w = np.linalg.lstsq((A / slow).T, speeds / slow, rcond=1e-14)[0]
+        if float(w @ b) > 0.0:
+            w, stationary = _newton(A, b, limit, same, w / float(w @ b), _SMOOTH)
+            if stationary:
+                return w
     w = b
     for smooth in 10.0 ** np.arange(-1, np.log10(_SMOOTH) - 0.5, -1):
         w, _ = _newton(A, b, limit, same, w, smooth)

@@ -18,8 +18,8 @@ def test_a_load_is_shared_with_the_least_largest_use(seed, started):
     r, n = int(rng.integers(1, 4)), int(rng.integers(4, 9))
     A = np.linalg.qr(rng.normal(size=(n, r)))[0].T
     b, limit = rng.normal(size=r), rng.uniform(0.2, 2.0, n)
-    other = share(A, b, rng.uniform(0.2, 2.0, n), np.arange(n))[1] if started else None
-    x, _ = share(A, b, limit, np.arange(n), other)
+    w = share(A, b, rng.uniform(0.2, 2.0, n), np.arange(n))[1]
+    x, _ = share(A, b, limit, np.arange(n), A.T @ w if started else None)
     np.testing.assert_allclose(A @ x, b, atol=1e-12)
     beside = np.hstack([np.eye(n), -limit[:, None]])
     below = np.hstack([-np.eye(n), -limit[:, None]])

@@ -462,6 +462,35 @@ def least_use(s: Resting, rng: Rng, starts: int = 4) -> float:
     return best
 
 
+def share_of_limits(s: Resting, x: np.ndarray) -> float:
+    """The largest |x_k| / limit_k of pins."""
+    return float((np.abs(x) / (s.above * s.limit(x[None])[0])).max())
+
+
+def least_share(s: Resting, rng: Rng, starts: int = 6) -> float:
+    """The least `share_of_limits` found at which all pins stick: linear programs, many starts."""
+    R = s.rate[:, 1:]
+    x0, N = np.linalg.lstsq(R, -s.rate[:, 0], rcond=_RANK)[0], null_space(R, rcond=_RANK)
+    best, unit = np.inf, np.eye(len(x0))
+    for k in range(starts):
+        x = x0 + N @ rng.normal(size=N.shape[1]) * np.abs(x0).max() * (0.0, 0.3, 1.0, 3.0)[k % 4]
+        for _ in range(30):
+            L, G = s.above * s.limit(x[None])[0], s.above * s.slope(x[None])[0]
+            t, reach = share_of_limits(s, x), 3.0 * np.abs(x).max()
+            room = np.append(t * L - x, t * L + x)
+            # sign (x + N z) - t (L + G N z) <= m L
+            rows = [np.column_stack([(sign * unit - t * G) @ N, -L]) for sign in (1.0, -1.0)]
+            found = linprog(
+                np.append(np.zeros(N.shape[1]), 1.0), np.vstack(rows), room,
+                bounds=[(-reach, reach)] * N.shape[1] + [(None, None)],
+            )  # fmt: skip
+            if found.x is None or not share_of_limits(s, x + N @ found.x[:-1]) < t * (1 - 1e-12):
+                break
+            x = x + N @ found.x[:-1]
+        best = min(best, share_of_limits(s, x))
+    return best
+
+
 # ---------------------------------------------------------------- bodies in space
 
 
@@ -670,8 +699,8 @@ def tree(rng: Rng) -> State:
     return State(s, chain.scene(), {"effort": torque}, np.arange(pins), np.arange(pins))
 
 
-def five_bar(rng: Rng, loops: tuple[int, ...] = (5,)) -> State:
-    """A loop of pins; its freedoms are driven."""
+def five_bar(rng: Rng, loops: tuple[int, ...] = (5,), push: float = 1.8) -> State:
+    """A loop of pins; its freedoms are driven, up to so many times beyond what friction holds."""
     above = float(rng.choice([1.0, 1.2, 1.5]))
     mu = float(rng.choice([0.1, 0.2, 0.4]))
     chain = random_chain(int(rng.integers(1 << 30)), loops, mu, 0.5)
@@ -681,7 +710,7 @@ def five_bar(rng: Rng, loops: tuple[int, ...] = (5,)) -> State:
         chain = replace(chain, dry=rng.uniform(0.0, 0.3, n))
     held = chain.balance()[1][:, 0]
     width = _widths(_of_chain(chain, held, above), d)
-    torque = held + width * rng.uniform(-1.8, 1.8, len(d))
+    torque = held + width * rng.uniform(-push, push, len(d))
     bars = np.arange(len(chain.parent))
     return State(_of_chain(chain, torque, above), chain.scene(), {"effort": torque}, bars, bars)
 

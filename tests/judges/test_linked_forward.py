@@ -24,6 +24,7 @@ from judges.planar_newton_euler import FourBar, crank_torque
 from mechanisms import four_bar, two_ball_loops
 
 import pinfric as pf
+from pinfric.dynamics.forward.workspace import workspace
 from pinfric.dynamics.samples.closure import consistent_motion
 from pinfric.dynamics.simulation.start import start_state
 from pinfric.errors import (
@@ -399,9 +400,20 @@ def test_eight_sites_two_of_them_balls_at_rest_are_decided_by_few_solves(seed, m
     assert len(solves) < 1000
 
 
+def test_balls_hold_with_friction_that_loads_them():
+    """Limits that did not follow their friction were exceeded: the mechanism was said to move."""
+    scene, q, rng = two_ball_loops(1)
+    found = pf.forward_dynamics(scene, q, np.zeros(8), rng.normal(scale=8.0, size=2))
+    assert not found.modes.any()
+    check_obeys(scene, found)
+    p, x = workspace(scene).problem, workspace(scene).modes.friction
+    left = p.rate_free + p.rate_slope @ x  # in equilibrium
+    np.testing.assert_allclose(left, 0.0, atol=1e-9 * np.abs(p.rate_free).max())
+
+
 def test_a_search_that_comes_to_its_bound_says_so(monkeypatch):
     scene, q, rng = two_ball_loops(1)
-    monkeypatch.setattr(search, "MOST_PASSES", 3)
+    monkeypatch.setattr(search, "MOST_PASSES", 0)
     monkeypatch.setattr(search, "guess_modes", lambda *_: None)
     says = r"0 in \d+ modes? tried of 2916; the direction in which a ball slips is searched"
     with pytest.raises(UndecidedAcceleration, match=says):

@@ -9,7 +9,15 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from judges.planar_states import Moving, random_planar_tree
-from judges.resting_states import KINDS, Bodies, Joint, compare
+from judges.resting_states import (
+    KINDS,
+    Bodies,
+    Joint,
+    compare,
+    five_bar,
+    least_share,
+    share_of_limits,
+)
 from numpy.testing import assert_allclose
 
 import pinfric as pf
@@ -49,6 +57,32 @@ def test_balls_turn_until_they_face_their_motion(seed):
     So accelerations were off by 1 % or 2e-5, or not the only ones; of 233 and 252 none was found.
     """
     assert compare("deltas", seed)[0].startswith("same")
+
+
+@pytest.mark.parametrize(
+    "seed", [*range(12), *(pytest.param(x, marks=pytest.mark.slow) for x in range(12, 132))]
+)
+def test_friction_at_rest_is_that_with_the_least_largest_share_of_its_limit(seed):
+    """In forward dynamics and in `holds`; limits follow friction, by linear programs in absolute
+    coordinates. With limits that did not, the share was up to 1.06 times the least.
+    """
+    rng = np.random.default_rng(seed)
+    loops = [(5,), (6,), (7,), (5, 3), (5, 4), (4, 4)][seed % 6]
+    state = five_bar(rng, loops, push=0.4)
+    s, scene, bars = state.resting, state.scene, state.scene.model.nv
+    held = pf.holds(scene, np.zeros(bars), **state.given)
+    if not held.held:
+        return
+    found = pf.forward_dynamics(scene, np.zeros(bars), np.zeros(bars), **state.given)
+    assert not found.modes.any()
+    x = np.zeros(len(s.joint))
+    for name, friction in zip(scene.site_names, found.friction.tolist(), strict=True):
+        closes = name[0] == "c"  # of the ground or the second bar on the first
+        x[int(name[1:]) + bars * closes] = -friction if closes else friction
+    assert_allclose(s.rates(x[None]), 0.0, atol=1e-9 * np.abs(s.rate[:, 0]).max())
+    assert share_of_limits(s, x) <= least_share(s, rng) * (1.0 + 1e-8)
+    assert held.use == pytest.approx(share_of_limits(s, x), rel=1e-8)
+    assert_allclose(held.friction, found.friction, atol=1e-6 * np.abs(x).max())
 
 
 def test_bodies_in_space_move_as_bars_in_the_plane():

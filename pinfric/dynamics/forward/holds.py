@@ -16,13 +16,16 @@ from pinfric.errors import AccelerationError
 from pinfric.friction.balance import RANK, Balance
 from pinfric.friction.gears import hold_chosen, lines_and_rows, ways_to_hold, without_gears
 from pinfric.friction.holding import Verdict, decide, least_possible_use
-from pinfric.friction.law import evaluate
+from pinfric.friction.law import evaluate, stick_limits
+from pinfric.friction.rest import solve_modes
 from pinfric.model.scene import Scene, expect_scene
 
 #: Joints with at least this fraction of the largest use reach their limits together.
 _AT_LIMIT = 1.0 - 1e-6
 #: An acceleration below this fraction of the terms of its sum is rounding.
 _STILL = 1e-9
+#: Uses this close, relative, are the same.
+_SAME = 1e-9
 #: A bound of the use has to be so much above 1 to prove something.
 _MARGIN = 1e-9
 
@@ -151,11 +154,34 @@ def _decide_all(
     all_ways = [own for own, _ in found] if ways else []
     least = bool(ways) and all(own.least for own in all_ways)
     if verdict.held:
-        return replace(verdict, least=least), shift
+        friction = _as_in_forward_dynamics(ws, verdict, shift, tried[best])
+        return replace(verdict, least=least, friction=friction), shift
     shown = bool(ways) and all(own.held is False for own in all_ways)
     proved = shown and all(own.proved for own in all_ways)
     held = False if shown else None
     return replace(verdict, held=held, proved=proved, least=least), shift
+
+
+def _as_in_forward_dynamics(
+    ws: Workspace, verdict: Verdict, shift: np.ndarray, efforts: np.ndarray
+) -> np.ndarray:
+    """The friction (nc,) that forward dynamics shows, if none has a smaller use; else that found.
+
+    Joints that do not reach the largest use may have many.
+    """
+    modes, dry = ws.modes, ws.plan.coordinates.dry
+    if not ws.mechanism.groups(dry) or ws.mechanism.balls:
+        return verdict.friction
+    modes.stuck[:], modes.direction[:], modes.friction[:1] = dry, 0.0, np.nan
+    solutions, _ = solve_modes(ws.problem, modes, ws.mechanism, chosen=True)
+    friction, least, most = modes.friction.copy(), *np.empty((2, len(dry)))
+    modes.effort[:] = efforts
+    hold_chosen(ws.problem, modes)
+    stick_limits(ws.problem, modes.load, least, most)
+    x = friction - shift
+    limit = np.where(x > 0.0, most - shift, shift - least)
+    same = solutions > 0 and (np.abs(x) <= verdict.use * (1.0 + _SAME) * limit)[dry].all()
+    return friction if same else verdict.friction
 
 
 def _decide(
