@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 from types import MappingProxyType
 from typing import NamedTuple
 
@@ -20,6 +20,7 @@ from pinfric.identification.normal import residuals
 from pinfric.identification.parameters import Parameter
 from pinfric.identification.recordings import stick_velocity
 from pinfric.identification.rest import BreakAway, RestBound
+from pinfric.identification.scales import effort_scales
 from pinfric.model.arrays import FloatArray
 from pinfric.motions.log.effort_place import place_note
 from pinfric.motions.summary import effort_unit
@@ -142,7 +143,7 @@ def notes(
     clear, slight = ([x for x in shapes if (x.share > _SLIGHT) is named] for named in (True, False))
     lines += _misfits(estimate, slight)
     doubts = _by_joint(contradicting) + _misfits(estimate, clear) + _uneven(estimate, uneven)
-    doubts += _delays(estimate)
+    doubts += _delays(estimate) + _scales(estimate, {x.joint for x in clear})
     if estimate.question.no_gravity:
         doubts.append(
             "the efforts hold no gravity (their controller takes it off): friction was fitted with "
@@ -277,6 +278,28 @@ def _of_logs(estimate: Estimate) -> list[str]:
         ]
         lines.append(f"delay of the efforts from each log, with standard error: {', '.join(each)}")
     return lines
+
+
+def _scales(estimate: Estimate, misfit: Set[int]) -> list[str]:
+    """That one joint's effort has another scale than the others', and whose it may be.
+
+    Where one of them has a clear `misfit`, too, nothing: what it lacks may look like a scale.
+    """
+    confirmed, names = estimate.question.gains, estimate.scene.joint_names
+    wrong = [x for x in effort_scales(estimate) if x.doubted and names[x.joint] not in confirmed]
+    if not wrong or misfit & {x.joint for x in wrong}:
+        return []
+    wrong.sort(key=lambda scale: scale.left)
+    each = [
+        f"that of {names[x.joint]} {x.value:.2f} +- {1.96 * x.standard_error:.2f} times"
+        for x in wrong
+    ]
+    first = names[wrong[0].joint]
+    return [
+        f"the efforts do not fit one robot: {', or '.join(each)} what the other joints' efforts "
+        "ask for, whatever the links' masses: its unit, gear ratio or motor constant? Give the "
+        f"factor to N m by --gain {first}=FACTOR ({first}=1 if it is in N m)"
+    ]
 
 
 def _delays(estimate: Estimate) -> list[str]:
