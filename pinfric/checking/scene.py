@@ -14,7 +14,7 @@ from pinfric.elastic.motion import unloaded_frequency
 from pinfric.errors import PinfricError
 from pinfric.model.entry import USUALLY, place, questions_below
 from pinfric.model.friction_terms import CoulombFriction
-from pinfric.model.hysteresis import excessive_friction
+from pinfric.model.hysteresis import contradictions
 from pinfric.model.massless import massless_joints
 from pinfric.model.mistaken_units import (
     ANGLES,
@@ -315,7 +315,7 @@ def _drives(scene: Scene) -> Iterator[Finding]:
 
 def _elastic_gears(scene: Scene) -> Iterator[Finding]:
     """Hysteresis against friction, and a lowest frequency that no robot has."""
-    for excess in excessive_friction(scene.friction, scene.actuators):
+    for excess in contradictions(scene.friction, scene.actuators):
         yield warning(
             "hysteresis",
             excess.place,

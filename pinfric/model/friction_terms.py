@@ -14,12 +14,12 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
-from collections.abc import Callable
-from typing import Annotated, ClassVar, NamedTuple, Self, TypeVar
+from collections.abc import Callable, Iterator
+from typing import Annotated, ClassVar, Literal, NamedTuple, Self, TypeVar
 
 from pydantic import AfterValidator, model_validator
 
-from pinfric.model.entry import Entry, Forms, NonNegative, Positive, key, register
+from pinfric.model.entry import Entry, Forms, NonNegative, Positive, key, register, unlikely
 
 
 class Strength(NamedTuple):
@@ -61,6 +61,24 @@ class Stribeck(Entry):
 
     velocity: Positive = key("at which 1/e of the difference remains", 0.02, "rad/s or m/s")
     exponent: Positive = key("2: Gaussian curve, 1: exponential curve", 2.0, "1", default=2.0)
+
+
+class Presliding(Entry):
+    """How friction builds up after a reversal, as contacts and gears yield before they slip.
+
+        presliding: {way: 0.001, shape: gradual}
+
+    After a full reversal 2 `way` = integral of (1 - z) dq, with z the share of the friction. With
+    `sharp`, z rises evenly over twice the way; with `gradual`, over three stops in parallel, as in
+    Dahl's law, but without its creep (`notebooks/theory/presliding.md`).
+    """
+
+    way: Positive = key("half of the way from full friction to full friction", 0.001, "rad or m")
+    shape: Literal["sharp", "gradual"] = key("of the build-up", "gradual", default="sharp")
+
+    def questions(self) -> Iterator[str]:
+        """Yield a warning for a way over which no contact or gear yields."""
+        yield from unlikely("way", self.way, 0.02, "rad or m")
 
 
 class FrictionTerm(Entry):

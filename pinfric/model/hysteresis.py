@@ -49,6 +49,29 @@ class Excess(NamedTuple):
         )
 
 
+class LongWay(NamedTuple):
+    """A way over which friction builds up that exceeds the hysteresis that its gear's maker states.
+
+    Attributes:
+        place: of the way in the scene file.
+        implied, stated: full width, 2 way, and of the maker, rad (m).
+    """
+
+    place: str
+    implied: float
+    stated: float
+
+    @property
+    def text(self) -> str:
+        """Both figures and what to look at."""
+        implied, stated = self.implied / _ARCMIN, self.stated / _ARCMIN
+        return (
+            f"friction builds up over {self.implied:.3g} rad ({implied:.2g} arcmin), twice the "
+            f"way; the gear's hysteresis is {self.stated:.3g} rad ({stated:.2g} arcmin): part of "
+            "the way is play, or the sensor's, or one of them is wrong"
+        )
+
+
 def load_free_friction(friction: Friction | None) -> Strength:
     """Return the friction at rest without load, in both directions (N m or N)."""
     terms = [] if friction is None else [term.at_rest() for term in friction.terms]
@@ -59,6 +82,23 @@ def joint_hysteresis(spring: Spring, friction: Friction | None) -> float:
     """Return f(b_forward) + f(b_backward), rad (m): hysteresis due to friction at zero torque."""
     rubs = load_free_friction(friction)
     return float(spring.wind_up(rubs.forward) + spring.wind_up(rubs.backward))
+
+
+def contradictions(
+    friction: Mapping[str, Friction], actuators: Sequence[Actuator] | None
+) -> Iterator[Excess | LongWay]:
+    """Yield what contradicts the hysteresis of gears: friction, and ways of its build-up."""
+    yield from excessive_friction(friction, actuators)
+    for i, actuator in enumerate(actuators or ()):
+        gear, entry = actuator.transmission, friction.get(actuator.joint or "")
+        if gear is None or gear.hysteresis is None:
+            continue
+        places = {f"actuators[{i}].transmission": gear.presliding}
+        if entry is not None:
+            places[f"friction.{actuator.joint}"] = entry.presliding
+        for place, found in places.items():
+            if found is not None and 2.0 * found.way > (1.0 + _ROUNDED) * gear.hysteresis:
+                yield LongWay(f"{place}.presliding.way", 2.0 * found.way, gear.hysteresis)
 
 
 def excessive_friction(

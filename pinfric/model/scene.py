@@ -34,6 +34,7 @@ from pinfric.model.loops import (
 )
 from pinfric.model.magnitudes import LARGEST
 from pinfric.model.mobility import Mobility, mobility_of_linkage, mobility_of_tree
+from pinfric.model.presliding import Ways, refuse_presliding, ways_of
 from pinfric.model.robot import (
     Robot,
     changed_parts,
@@ -248,7 +249,7 @@ class Scene:
         self._check_tool()
         doubts = self._align() if self.loops else {}
         # errors are raised now, not at first use
-        _ = self._made_of, self.linkage, self.sites, self.drives, self.twin()
+        _ = self._made_of, self.linkage, self.sites, self.drives, self.ways, self.twin()
         self._check_brakes()
         self._check_gears()
         self._check_masses()
@@ -436,7 +437,7 @@ class Scene:
         }
         variant = object.__new__(type(self))
         variant.__dict__.update(self.__dict__ | changed)
-        for found in ("findings", "quick_findings", "_gears"):
+        for found in ("findings", "quick_findings", "_gears", "ways", "without_presliding"):
             variant.__dict__.pop(found, None)
         return variant
 
@@ -661,6 +662,45 @@ class Scene:
         if self.linkage is None:
             ordered.sort(key=lambda drive: drive.velocity_index)
         return tuple(ordered)
+
+    @cached_property
+    def ways(self) -> Ways | None:
+        """The ways over which friction builds up; None where it acts at once everywhere."""
+        actuators = self.actuators or ()
+        if self.linkage is not None:
+            refuse_presliding(self.friction, actuators, self.source)
+            return None
+        entries = [*self.friction.values(), *(a.transmission for a in actuators)]
+        if not any(entry is not None and entry.presliding for entry in entries):
+            return None
+        nv, twin = self.model.nv, self.twin()
+        own = {
+            name: int(twin.v_index[row])
+            for row, name in enumerate(self.joint_names)
+            if self.model.joints[row + 1].shortname() != "JointModelMimic"
+            and self.model.joints[row + 1].nv == 1
+        }
+        return ways_of(self.friction, actuators, self.drives, own, nv, self.source)
+
+    @cached_property
+    def without_presliding(self) -> Scene:
+        """The scene whose friction acts at once: its efforts bound those of this one."""
+        if self.ways is None:
+            return self
+        friction = {
+            name: entry.model_copy(update={"presliding": None})
+            for name, entry in self.friction.items()
+        }
+        actuators = self.actuators and [
+            actuator.model_copy(
+                update={
+                    "transmission": actuator.transmission
+                    and actuator.transmission.model_copy(update={"presliding": None})
+                }
+            )
+            for actuator in self.actuators
+        ]
+        return replace(self, friction=friction, actuators=actuators)
 
     def gears(self, brakes: bool = True) -> Gears:
         """Return the drives' transmissions, and their closed brakes, as arrays for the kernels."""

@@ -15,7 +15,7 @@ from pinfric.errors import PinfricError, PinfricWarning, RobotError, SceneError,
 from pinfric.model.brief import counted
 from pinfric.model.entry import parse
 from pinfric.model.friction_terms import constant_friction, linear_drag
-from pinfric.model.hysteresis import excessive_friction
+from pinfric.model.hysteresis import contradictions
 from pinfric.model.inputs import note_input
 from pinfric.model.robot import Robot, locate_urdf, mention_reductions, read_robot
 from pinfric.model.scene import Scene
@@ -73,7 +73,7 @@ def load_scene(path: str | Path) -> Scene:
                 f"{np.radians(top):.3g}"
             )
     friction = _with_urdf_dynamics(entries, robot, str(file))
-    for excess in excessive_friction(friction, entries.actuators):
+    for excess in contradictions(friction, entries.actuators):
         warnings.warn(f"{file}: {excess.place}: {excess.text}", PinfricWarning, stacklevel=2)
     guesses = {} if entries.assumed is None else entries.assumed.values
     if entries.assumed is not None:

@@ -41,6 +41,7 @@ from pinfric.model.friction_terms import (
     Coulomb,
     FrictionTerm,
     LoadFriction,
+    Presliding,
     Stribeck,
     Viscous,
 )
@@ -160,6 +161,10 @@ class Friction(Entry):
     stick_velocity: NonNegative | None = optional(
         "at or below which the joint sticks", 0.0001, "rad/s or m/s"
     )
+    presliding: Presliding | None = optional(
+        "the way over which friction builds up after a reversal; without it at once",
+        {"way": 0.001},
+    )
     includes_drive: bool = key(
         "whether `coulomb` and `viscous` were measured from motor currents and so include the "
         "losses of the drive; for another drive these are removed",
@@ -214,6 +219,8 @@ class Friction(Entry):
             raise ValueError(f"`{have}` without `{miss}`: friction = mu x the bearing's load")
         if self.stribeck is not None and self.mu is None and self.coulomb is None:
             raise ValueError("`stribeck` needs `mu` or `coulomb` to act on")
+        if self.presliding is not None and not any(max(term.at_rest()) for term in self.terms):
+            raise ValueError("`presliding` needs `mu` or `coulomb`, which build up over its way")
         return self
 
     def questions(self) -> Iterator[str]:

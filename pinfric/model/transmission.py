@@ -47,6 +47,7 @@ from pinfric.model.entry import (
 from pinfric.model.friction_terms import (
     CoulombFriction,
     DirectedCoulombFriction,
+    Presliding,
     Viscous,
     constant_friction,
 )
@@ -255,6 +256,11 @@ class Transmission(Entry):
         "the spring",
         0.00029,
         "rad or m",
+    )
+    presliding: Presliding | None = optional(
+        "the way of the joint (of a coupled drive its own) over which friction and losses build up "
+        "after a reversal; or give `friction.JOINT.presliding`",
+        {"way": 0.001},
     )
 
     @classmethod

@@ -184,6 +184,7 @@ def retime(
     2.29
     """
     expect_scene(scene, "retime")
+    scene = scene.without_presliding
     _check_scene(scene)
     if isinstance(path, Trajectory):
         path = Path.from_trajectory(path)

@@ -100,6 +100,7 @@ def size(
     5.36
     """
     expect_scene(scene, "size")
+    scene = scene.without_presliding
     if isinstance(catalog, str | Path):
         catalog = load_catalog(catalog)
     if catalog is not None and not scene.model.gravity.linear.any():

@@ -170,6 +170,7 @@ def stop(
         TrajectoryError: the reaction takes longer than the trajectory.
     """
     expect_scene(scene, "stop")
+    scene = scene.without_presliding
     machines = Machines(scene, stop_settings(scene, category), full_load(scene, trajectory))
     return stops_of(machines, trajectory, progress)
 

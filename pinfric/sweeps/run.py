@@ -69,6 +69,7 @@ def sweep(
     [4.5, 5.5, 6.3, 6.4]
     """
     expect_scene(scene, "sweep")
+    scene = scene.without_presliding
     if processes is not None and processes < 1:
         raise SweepError(f"processes = {processes}; should be at least 1")
     entries, source = load_sweep(sweep)

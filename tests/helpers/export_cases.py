@@ -103,6 +103,29 @@ def _gear(rng, k):
     ][k % 6]
 
 
+def with_ways(scene, way, shape="sharp"):
+    """The scene with a way at each joint that may have one, and at coupled drives."""
+    key = {"way": way, "shape": shape}
+    followers = {n for n, j in zip(scene.model.names, scene.model.joints, strict=True) if not j.nv}
+    followers |= {
+        n
+        for n, j in zip(scene.model.names, scene.model.joints, strict=True)
+        if j.shortname() == "JointModelMimic"
+    }
+    friction = {
+        name: entry.model_dump(exclude_defaults=True)
+        | ({} if name in followers else {"presliding": key})
+        for name, entry in scene.friction.items()
+    }
+    named = {other for a in scene.actuators or () for other in a.couples}
+    drives = [a.model_dump(exclude_defaults=True) for a in scene.actuators or ()]
+    for drive in drives:
+        coupled = "couples" in drive or drive["joint"] in named
+        if drive.get("transmission") and (coupled or drive["joint"] not in friction):
+            drive["transmission"]["presliding"] = key
+    return scene.with_(friction=friction, actuators=drives or None)
+
+
 def planar():
     """A joint of three degrees, which nothing exports."""
     model = chain(("skates", pin.JointModelPlanar(), pin.Inertia.Random()))
@@ -135,6 +158,12 @@ RICH = [
     rich(6, mimic=True),
     rich(7, couples=True),
     rich(8, couples=True),
+]
+
+
+#: The same, whose friction builds up over 5 mrad (mm).
+BUILDING = [
+    with_ways(scene, 5e-3).with_(source=f"building_{scene.source}") for scene in (RICH[1], RICH[4])
 ]
 
 
@@ -205,15 +234,18 @@ class Headers:
         joint_effort_limit=np.inf,
         payloads=(),
         wrenches=(),
+        **more,
     ):
         """Named columns of the compensator's results at each state.
 
         Args:
             q, v, a, v_ref, error, v_now: (n, nv), one number per freedom; v_ref by default v.
+            more: q_ref (n, nv), by default q.
             payloads: (frame, mass, com, inertia). wrenches: (frame, wrench).
         """
         nv, na, ns = scene.model.nv, len(scene.drives), len(scene.sites)
         given = [q, v, a, v if v_ref is None else v_ref, error, v_now]
+        given.append(more.get("q_ref", q))
         rows = [np.zeros_like(q) if x is None else x for x in given]
         settings = np.vstack([options.table(scene), np.broadcast_to(joint_effort_limit, na)])
         rows.append(np.broadcast_to(settings.ravel(), (len(q), 9 * na)))
@@ -308,5 +340,5 @@ def compiled_headers(optimized: str) -> Headers:
     """The headers of all scenes, compiled once per process."""
     folder = tempfile.TemporaryDirectory()
     atexit.register(folder.cleanup)
-    scenes = [worm(), *RICH, *map(pf.load_scene, BUNDLED), loadable()]
+    scenes = [worm(), *RICH, *BUILDING, *map(pf.load_scene, BUNDLED), loadable()]
     return Headers(Path(folder.name), scenes, (optimized,))

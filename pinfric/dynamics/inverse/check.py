@@ -25,7 +25,7 @@ from pinfric.model.bearings import axes_along, normal_loads
 from pinfric.model.brief import listed, screen
 from pinfric.model.closure import loop_state, velocity_names
 from pinfric.model.couples import drive_rates, rate_rows
-from pinfric.model.laws import friction_bounds
+from pinfric.model.laws import friction_bounds, law_at
 from pinfric.model.loops import CYLINDER
 from pinfric.model.scene import Scene
 
@@ -185,7 +185,29 @@ class _Sample:
         normal_loads(wrench[None], tables.joint, tables.contacts, moved, load)
         at_rest = self.result.reversal[self.i][None]
         friction_bounds(self.speed[None], load, tables.laws, at_rest, low, high, sticks)
+        if self.result.presliding is not None:
+            self._build_up(load, low, high, sticks)
         return load, low, high
+
+    def _build_up(
+        self, load: np.ndarray, low: np.ndarray, high: np.ndarray, sticks: np.ndarray
+    ) -> None:
+        """Change the ends of friction (1, ns) to those of the shares that the result states."""
+        built, ways = self.result.presliding, self.result.scene.ways
+        assert built is not None
+        assert ways is not None
+        laws = self.result.scene.site_tables.laws
+        for s, site in enumerate(self.result.scene.sites):
+            shares = np.array([built.upper[self.i, s], built.lower[self.i, s]])
+            if not ways.way[site.velocity_index] > 0.0:
+                continue
+            full = np.array([low[0, s], high[0, s]])
+            if not sticks[0, s]:
+                law, v, c = law_at(laws, s, self.speed[s]), self.speed[s], load[0, s]
+                drag = law.viscous * v + np.copysign(law.drag_mu * c + law.drag, v)
+                full = np.array([-law.mu * c - law.forward, law.mu * c + law.backward]) - drag
+            blended = 0.5 * (full.sum() - shares * (full[1] - full[0]))
+            low[0, s], high[0, s] = blended
 
     def beyond(self, friction: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
         """Return how far friction (nx,) is from the law (ns,); a sticking ball's is in a sphere."""

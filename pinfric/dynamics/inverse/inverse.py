@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator, Mapping
+from functools import partial
 from typing import Any, overload
 
 import numpy as np
@@ -12,6 +13,7 @@ from pinfric.dynamics.inverse.linkage import solve_linkage
 from pinfric.dynamics.inverse.result import InverseResult
 from pinfric.dynamics.inverse.tree import solve_tree
 from pinfric.dynamics.inverse.undriven import check_shares
+from pinfric.dynamics.samples.presliding import built_up
 from pinfric.dynamics.samples.reactions import applied_wrenches, slices
 from pinfric.dynamics.samples.states import (
     MotionLike,
@@ -37,6 +39,7 @@ def inverse_dynamics(
     attached: np.ndarray | None = ...,
     threads: int | None = ...,
     chunks: None = ...,
+    position_known: float | None = ...,
 ) -> InverseResult: ...
 @overload
 def inverse_dynamics(
@@ -50,6 +53,7 @@ def inverse_dynamics(
     attached: np.ndarray | None = ...,
     threads: int | None = ...,
     chunks: int,
+    position_known: float | None = ...,
 ) -> Iterator[InverseResult]: ...
 def inverse_dynamics(
     scene: Scene,
@@ -62,12 +66,16 @@ def inverse_dynamics(
     attached: np.ndarray | None = None,
     threads: int | None = None,
     chunks: int | None = None,
+    position_known: float | None = None,
 ) -> InverseResult | Iterator[InverseResult]:
     """Return the drives' efforts along a motion, with friction: intervals where joints stick.
 
     M a + h - J_ext^T f_ext = S u + J_c^T lambda + D phi (paper eq. 16, 17; at rest eq. 21, 22).
     With times, a joint that reverses between two samples passes through rest: the sample nearest to
-    the reversal has the interval of standstill. Without times the samples are states without order.
+    the reversal has the interval of standstill. Where friction builds up over a way (`presliding`)
+    it has the share of the way since the joint reversed, which is not known before it moved by
+    twice its way, and after a hold. Without times the samples are states without order, and
+    friction acts at once.
 
     Args:
         scene: the robot with its friction and drives.
@@ -80,6 +88,8 @@ def inverse_dynamics(
         threads: of Pinocchio; None chooses by the number of samples (one in a forked process).
         chunks: return an iterator of results of this many samples each; a stick interval that
             continues into the next is in both.
+        position_known: how well positions at rest are known (rad or m), for joints whose friction
+            builds up: then a hold has the interval that this leaves; None: not to a way.
 
     Raises:
         StateError: not real numbers, a wrong shape, a value not finite, times not increasing, ends
@@ -103,7 +113,8 @@ def inverse_dynamics(
     states = _states(scene, q, v, a, t, attached)
     applied = applied_wrenches(scene, external, len(states.q))
     check_shares(scene)
-    solve = solve_tree if scene.linkage is None else solve_linkage
+    built = built_up(scene, states, position_known)
+    solve = solve_linkage if scene.linkage is not None else partial(solve_tree, built=built)
     if chunks is None:
         return solve(scene, states, applied, slice(0, len(states.q)), threads)
     parts = slices(0, len(states.q), whole_number("chunks", chunks))

@@ -192,6 +192,11 @@ class InverseResult(SolvedMotion, Shown):  # noqa: D101 (that of its fields)
         for array in SITE_QUANTITIES:
             for s, name in enumerate(self.site_names):
                 columns[f"{name}.{array}"] = getattr(self, array)[:, s]
+        for end in ("lower", "upper") if self.presliding is not None else ():
+            shares = getattr(self.presliding, end), getattr(self.presliding, f"drive_{end}")
+            for names, array in zip((self.site_names, self.actuator_names), shares, strict=True):
+                for i, name in enumerate(names):  # a joint and its gear have one share
+                    columns.setdefault(f"{name}.presliding_{end}", array[:, i])
         return pd.DataFrame(columns)
 
 

@@ -14,8 +14,9 @@ import pinocchio as pin
 from pinfric.dynamics.inverse.result import InverseResult
 from pinfric.dynamics.inverse.undriven import check_undriven, narrow_friction
 from pinfric.dynamics.problem.plan import drive_delivery
-from pinfric.dynamics.samples.motion_kernels import TreeSamples, bound_efforts
+from pinfric.dynamics.samples.motion_kernels import TreeSamples, bound_efforts, effort_bounds
 from pinfric.dynamics.samples.motor_torques import motor_torques
+from pinfric.dynamics.samples.presliding import BuiltUp, build_up_friction
 from pinfric.dynamics.samples.reactions import (
     AppliedWrench,
     Batch,
@@ -55,17 +56,24 @@ def _samples(
 
 
 def solve_tree(
-    scene: Scene, states: States, applied: list[AppliedWrench], whole: slice, threads: int | None
+    scene: Scene,
+    states: States,
+    applied: list[AppliedWrench],
+    whole: slice,
+    threads: int | None,
+    built: BuiltUp | None = None,
 ) -> InverseResult:
     """Solve the samples of one slice; those beside it are for reversals only.
 
-    Args, raises: see `inverse.inverse_dynamics`.
+    Args, raises: see `inverse.inverse_dynamics`. built: of all samples.
     """
     T, sites = whole.stop - whole.start, scene.site_tables
     threads = threads_for(T, threads)
     velocity, reversal = _site_velocities(scene, states, whole, threads)
     reacting = _needs_wrenches(scene, applied)
     results, wrench = _samples(scene, velocity, reversal, reacting)
+    built = built and built.part(whole)
+    at_ends = None if built is None else tuple(np.empty((2, *results.effort_lower.shape)))
     batch = Batch.of(scene.twin(), min(T, batch_size(threads)))
     for part, twin in constant_payloads(scene, states, whole, batch_size(threads)):
         here = slice(part.start - whole.start, part.stop - whole.start)
@@ -80,17 +88,21 @@ def solve_tree(
         if sites.contacts.moves.any():
             samples = samples._replace(displacement=twin.displacements(sites.joint, states.q[part]))
         _bound(twin, a, sites, joint_wrench, samples, threads)
+        if built is not None and at_ends is not None:
+            _build_up(scene, built.part(here), samples, at_ends[0][here], at_ends[1][here])
     if reacting:
         check_roll_moments(scene, wrench, whole.start)
     answer = {name: getattr(results, name) for name in _FOUND}
     around = states.around(whole)
     v, a = states.v[around], states.a[around]
+    if at_ends is not None:  # of the joints, then of their drives
+        at_ends = tuple(np.ascontiguousarray(x @ drive_delivery(scene).T) for x in at_ends)
     if not scene.one_drive_each:
         answer |= _on_drives(scene, states, whole, results)
         v, a = (drive_rates(scene.drives, rates, v[:, :0]) for rates in (v, a))
     efforts = answer["effort_lower"], answer["effort_upper"]
     check_finite(scene, efforts, whole.start)
-    torques = motor_torques(scene, states, whole, efforts, v, a)
+    torques = motor_torques(scene, states, whole, efforts, v, a, built, at_ends)
     if torques is not efforts:  # behind a gear
         check_finite(scene, torques, whole.start)
     return InverseResult(
@@ -109,6 +121,7 @@ def solve_tree(
         interval_exact=np.ones(T, dtype=bool),
         interval_searched=np.zeros(T, dtype=bool),
         redundant=False,
+        presliding=built,
         actuator_velocity=v[states.inside(whole)],
         actuator_acceleration=a[states.inside(whole)],
     )
@@ -185,6 +198,20 @@ def _bound(
         return
     with team(threads) as parts:
         bound_in_parts(parts, wrench, samples, *balance, *sites)
+
+
+def _build_up(
+    scene: Scene, built: BuiltUp, samples: TreeSamples, ahead: np.ndarray, back: np.ndarray
+) -> None:
+    """Let friction build up in one batch; see `build_up_friction`."""
+    ways, sites = scene.ways, scene.site_tables
+    assert ways is not None
+    has = ways.way[sites.velocity_index] > 0.0
+    build_up_friction(sites, has, built.lower, built.upper, samples, ahead, back)
+    lower, upper = samples.friction_lower, samples.friction_upper
+    column = sites.velocity_index, sites.ratio
+    ends = samples.effort_lower, samples.effort_upper
+    effort_bounds(samples.effort_frictionless, lower, upper, *column, *ends)
 
 
 def write_plain_efforts(

@@ -7,6 +7,7 @@ from enum import IntEnum
 
 import numpy as np
 
+from pinfric.dynamics.samples.presliding import BuiltUp
 from pinfric.dynamics.samples.reactions import AppliedWrench
 from pinfric.dynamics.samples.states import States
 from pinfric.model.drives import joint_effort_ends
@@ -84,6 +85,8 @@ class SolvedMotion:
             of |F|^2 + |M/l|^2 over all joints.
         actuator_velocity, actuator_acceleration: (T, na) of what each drive moves (rad/s or m/s,
             and per second).
+        presliding: shares of friction that have built up; None where it acts at once, or samples
+            have no order.
 
     With loops, cylinders or forces, wrenches, multipliers and loads depend on friction: where
     joints stick, they are those without friction in these joints.
@@ -112,6 +115,7 @@ class SolvedMotion:
     redundant: bool
     actuator_velocity: np.ndarray
     actuator_acceleration: np.ndarray
+    presliding: BuiltUp | None = None
 
     @property
     def joint_effort_lower(self) -> np.ndarray:
