@@ -115,6 +115,7 @@ struct State {
   Freedoms q;             // positions (rad or m), continuous joints, too
   Freedoms v, a;          // velocities, accelerations whose load counts; none: the load of gravity
   Freedoms v_ref;         // desired velocity whose friction is compensated; none: v
+  Freedoms q_ref;         // desired positions, where friction builds up over a way; none: q
   Freedoms error, v_now;  // desired less actual position; measured velocity
 };
 
@@ -127,14 +128,15 @@ struct [[nodiscard]] Outcome {
 
 // How the compensation behaves; one number per drive. An option that could do nothing is refused:
 // hold_error without State's error and v_now or without switch_velocity, power without v_now;
-// hold_error at a measured velocity, which it would drive.
+// hold_error at a measured velocity, which it would drive, and where friction builds up over a way.
 struct Options {
   double scale[Robot::drives];            // of dry friction and gear losses, at a desired velocity
   double viscous_scale[Robot::drives];    // of friction that vanishes at rest, there
   double measured_scale[Robot::drives];   // of both at a measured velocity: at most `stable_scale`
   double measured_way[Robot::drives];     // over which it changes direction there: at least that over
                                           // which the joint yields before it slips (rad or m)
-  double switch_velocity[Robot::drives];  // band in which the direction changes (rad/s or m/s)
+  double switch_velocity[Robot::drives];  // band in which the direction changes (rad/s or m/s), where
+                                          // the robot has no presliding_way
   double hold_error[Robot::drives];       // position error that asks for all of break-away; 0: off
   double limit[Robot::drives];            // of the compensation (N m or N)
   double joint_effort_limit[Robot::drives];  // of joint_effort, rigid body and rotors with it (N m or N)
@@ -340,9 +342,11 @@ inline double delivered(int d, const double* effort) noexcept {
 // ------------------------------------------------------------------ the compensator
 
 // Friction and gear losses with the load that the joints carry now. It keeps what it was told
-// (gravity, payload, wrench) and, from one call of friction_measured to the next, one number a drive:
-// how far friction has built up since the joint reversed. Each call returns false and writes zeros
-// where a number is not finite or beyond what a robot has, or an option does nothing.
+// (gravity, payload, wrench) and, from call to call, one number a drive: how far friction has built
+// up since the joint reversed, by the measured positions of friction_measured, and by the desired ones
+// of the other calls where the robot's friction builds up over a way. Each call returns false and
+// writes zeros where a number is not finite or beyond what a robot has, or an option does nothing. Each
+// control loop needs an object of its own.
 // A result may be written where a number of the state stands.
 class Compensator {
  public:
@@ -357,7 +361,7 @@ class Compensator {
   }
 
   // Forget in which direction the joints moved, as after a stop of the controller.
-  void reset() noexcept { measured_ = Travelled(); }
+  void reset() noexcept { measured_ = desired_ = Travelled(); }
 
   // Gravity in the world's axes (m/s^2). This and the setters below not while a loop runs on the object.
   [[nodiscard]] bool set_gravity(View<const double, 3> gravity) noexcept {
@@ -427,15 +431,15 @@ class Compensator {
   // joints: to be added to the torque of a controller that has rigid body and rotors (ratio^2
   // rotor_inertia a) of its own.
   Outcome friction(const State& state, const Options& options, Drives out) const noexcept {
-    return compensation(nullptr, state, options, out);
+    return compensation(false, state, options, out);
   }
 
   // The same at the measured velocity v_now, as for hand guiding, by measured_scale. Its direction
   // follows the measured q of each cycle over measured_way. A feedback loop that is passive while the
   // model's friction is at most 1 / measured_scale times the joint's, and the joint slips after at most
   // measured_way: one that yields farther may swing without end after a push. A v_ref is refused.
-  Outcome friction_measured(const State& state, const Options& options, Drives out) noexcept {
-    return compensation(&measured_, state, options, out);
+  Outcome friction_measured(const State& state, const Options& options, Drives out) const noexcept {
+    return compensation(true, state, options, out);
   }
 
   // Feed-forward of a motion at the joints, all that a torque command there contains: rigid body,
@@ -480,7 +484,7 @@ class Compensator {
   Mass carried_[frame_slots];         // what was added to each frame
   double outside_[Robot::bodies][6];  // wrench from outside on each body, at its joint's origin
   double wrench_[frame_slots][6];     // the same of each frame
-  Travelled measured_;
+  mutable Travelled measured_, desired_;  // one object for each loop: calls move them on
 
   static const double* zeros() noexcept {
     static constexpr double none[Robot::freedoms] = {};
@@ -498,7 +502,7 @@ class Compensator {
     return good;
   }
 
-  Outcome compensation(Travelled* measured, const State& state, const Options& options,
+  Outcome compensation(bool measured, const State& state, const Options& options,
                        Drives out) const noexcept {
     Reactions found;
     double load[sites_size] = {}, extra[Robot::drives];
@@ -830,7 +834,7 @@ class Compensator {
       if (!detail::finite(given, 4) || !(options.limit[d] >= 0.0) || !(options.power[d] >= 0.0) ||
           !(options.joint_effort_limit[d] >= 0.0) || !(options.measured_scale[d] >= 0.0) ||
           !(options.measured_scale[d] <= stable_scale[d]) || !(options.measured_way[d] > 0.0) ||
-          !(options.measured_way[d] <= largest))
+          !(options.measured_way[d] >= presliding_way[d]) || !(options.measured_way[d] <= largest))
         return false;
       for (const double x : given)
         if (x < 0.0) return false;
@@ -839,9 +843,9 @@ class Compensator {
   }
 
   // Rigid body, friction and rotors, at the joints.
-  static Outcome feed_forward(const Reactions& found, const double* load, const State& state,
-                              const Options& options, double* out) noexcept {
-    Outcome outcome = compensate(found.effort, load, state, options, nullptr, out);
+  Outcome feed_forward(const Reactions& found, const double* load, const State& state,
+                       const Options& options, double* out) const noexcept {
+    Outcome outcome = compensate(found.effort, load, state, options, false, out);
     const double* a = or_zeros(state.a);
     for (int d = 0; outcome && d < Robot::drives; ++d) {
       const Drive& drive = drives[d];
@@ -870,6 +874,7 @@ class Compensator {
     }
     travelled.begun = true;
     for (int d = 0; d < Robot::drives; ++d) {
+      if (!(way[d] > 0.0)) continue;
       const double drive = travelled.drive[d] + detail::rate_of(d, moved) / way[d];
       const double joint = travelled.joint[d] + moved[d] / way[d];
       travelled.drive[d] = std::fmax(-1.0, std::fmin(1.0, drive));
@@ -878,24 +883,27 @@ class Compensator {
   }
 
   // measured: at v_now by measured_scale, else at v_ref.
-  static Outcome compensate(const double* effort, const double* load, const State& state,
-                            const Options& options, Travelled* measured, double* out) noexcept {
+  Outcome compensate(const double* effort, const double* load, const State& state,
+                     const Options& options, bool measured, double* out) const noexcept {
     if (measured && state.v_ref.first()) return {};
     const double* v_ref = state.v_ref.first() ? state.v_ref.first() : state.v.first();
     if (measured) v_ref = state.v_now.first();
+    const double* way = measured ? options.measured_way : presliding_way;
+    const double* q_ref = state.q_ref.first() && !measured ? state.q_ref.first() : state.q.first();
+    Travelled& travelled = measured ? measured_ : desired_;
     const double *e = or_zeros(state.error), *now = or_zeros(state.v_now);
-    if (!v_ref || !state.v_ref.fits() || !state.error.fits() || !state.v_now.fits() ||
+    for (int i = 0; i < Robot::freedoms; ++i)
+      if (!(q_ref[i] >= least_position[i] && q_ref[i] <= greatest_position[i])) return {};
+    if (!state.q_ref.fits() || !v_ref || !state.v_ref.fits() || !state.error.fits() || !state.v_now.fits() ||
         !slow_enough(v_ref) || !slow_enough(now) ||
         !detail::within(e, Robot::freedoms, greatest_error) || !valid(options))
       return {};
     const bool moving = state.v_now.first() != nullptr, holds = moving && state.error.first();
     Directions to;
     bool watched = false;
-    if (measured) {
-      for (int d = 0; d < Robot::drives; ++d)
-        if (options.hold_error[d] > 0.0) return {};
-      travel(state.q.first(), options.measured_way, *measured);
-    }
+    for (int d = 0; d < Robot::drives; ++d)
+      if (way[d] > 0.0 && options.hold_error[d] > 0.0) return {};
+    if (measured || presliding) travel(q_ref, way, travelled);
     for (int d = 0; d < Robot::drives; ++d) {
       const double band = options.switch_velocity[d], hold = options.hold_error[d];
       if ((hold > 0.0 && (!holds || !(band > 0.0))) || (options.power[d] < inf && !moving)) return {};
@@ -905,9 +913,9 @@ class Compensator {
       if (Robot::coupled)
         direct(detail::rate_of(d, v_ref), band, detail::rate_of(d, e), hold, detail::rate_of(d, now),
                holds, to.drive[d], to.drive_leaving[d]);
-      if (measured) {
-        to.drive[d] = measured->drive[d];
-        to.joint[d] = measured->joint[d];
+      if (way[d] > 0.0) {
+        to.drive[d] = travelled.drive[d];
+        to.joint[d] = travelled.joint[d];
       }
       watched |= options.power[d] < inf;
     }

@@ -22,10 +22,11 @@ from pinfric.dynamics.forward.compensation import (
     LARGEST_ACCELERATION,
     LARGEST_ERROR,
     MEASURED_SCALE,
-    MEASURED_WAY,
     check_compensated,
     freedom_names,
+    measured_ways,
     reach,
+    ways_of_drives,
 )
 from pinfric.errors import PinfricError, choose_from, one_line
 from pinfric.model.bearings import axes_along, contacts
@@ -248,7 +249,10 @@ def _constants(scene: Scene, frames: Sequence[str], bounds: Bounds) -> list[str]
         "// At a measured velocity: 1/(1 + e), where e is how far friction is known.",
         *_numbers("stable_scale[]", bounds.stable_scale),
         *_numbers("default_measured_scale[]", np.minimum(MEASURED_SCALE, bounds.stable_scale)),
-        *_numbers("default_measured_way[]", [MEASURED_WAY] * na),
+        *_numbers("default_measured_way[]", measured_ways(scene)),
+        "// Over which friction builds up after a reversal (rad or m); 0: it acts at once.",
+        *_numbers("presliding_way[]", ways_of_drives(scene)),
+        f"inline constexpr bool presliding = {'true' if scene.ways is not None else 'false'};",
         "// No payload's centre of mass is farther from its frame (m).",
         *_numbers("farthest", min(plausible_distance(scene.model), LARGEST)),
         *_numbers(f"drive_rate[][{nv}]", rate_rows(scene.drives, nv)),

@@ -36,11 +36,11 @@ bool answer(std::FILE* in, std::FILE* out) {
     if (!compensator.set_wrench(static_cast<int>(x[0]), wrench)) accepted = 0.0;
   }
   constexpr int nv = Robot::freedoms, na = Robot::drives, ns = Robot::sites;
-  std::vector<double> row(std::size_t{6 * nv + 9 * na}), found;
+  std::vector<double> row(std::size_t{7 * nv + 9 * na}), found;
   for (int i = 0; i < static_cast<int>(counts[2]); ++i) {
     if (std::fread(row.data(), sizeof(double), row.size(), in) != row.size()) return false;
     const double *q = row.data(), *v = q + nv, *a = v + nv, *v_ref = a + nv, *error = v_ref + nv,
-                 *v_now = error + nv, *settings = v_now + nv;
+                 *v_now = error + nv, *q_ref = v_now + nv, *settings = q_ref + nv;
     if (counts[3] == 0.0) v = a = nullptr;
     if (counts[4] == 0.0) error = nullptr;
     if (counts[5] == 0.0) v_now = nullptr;
@@ -67,6 +67,7 @@ bool answer(std::FILE* in, std::FILE* out) {
     good[1] = compensator.rigid_body(state, Efforts::at(rigid));
     good[2] = compensator.inverse(state, instant);
     state.v_ref = View::at(v_ref);
+    state.q_ref = View::at(q_ref);
     const auto outcome = compensator.friction(state, options, Drives::at(friction));
     good[3] = outcome.good;
     for (int d = 0; d < na; ++d) limited[d] = outcome.limited[d];

@@ -338,7 +338,7 @@ def test_a_scale_that_drives_is_refused_at_a_measured_velocity(tmp_path):
     (tmp_path / "use.cpp").write_text(
         "#include <cstdio>\n"
         + included(tmp_path, RICH[0], bounds=Bounds.none(6)._replace(stable_scale=[0.7] * 6))
-        + "int main() {\n  Compensator c;\n  Options o;\n  State s;\n"
+        + "int main() {\n  const Compensator c;\n  Options o;\n  State s;\n"
         "  const double x[6] = {0.1, 0.1, 0.1, 0.1, 0.1, 0.1};\n  double out[6];\n"
         "  s.q = s.v_now = x;\n"
         '  std::printf("%g %d ", o.measured_scale[0], c.friction_measured(s, o, out).good);\n'

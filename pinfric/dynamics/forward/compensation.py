@@ -10,9 +10,9 @@ and must receive F_s(t), `drives.gear_line`. The compensation at the reference v
     out  = scale D(v) + viscous_scale (P drag + drag of the motor)(v)
 
 S(x) = x (3 - x^2)/2 within |x| < 1, the sign of x beyond. For a drive that is not coupled, out v
-never exceeds the power that the model's friction dissipates, if that friction jumps. At a measured
-velocity s is z, which the way travelled since the last call moves, as in a joint that yields before
-it slips: z <- clip(z + dq/way, -1, 1) (`notebooks/theory/compensation`).
+never exceeds the power that the model's friction dissipates, if that friction jumps. Where friction
+builds up over a way (`presliding`), and at a measured velocity, s is z, which the way travelled
+since the last call moves: z <- clip(z + dq/way, -1, 1) (`notebooks/theory/compensation`).
 """
 
 from __future__ import annotations
@@ -57,7 +57,8 @@ class CompensationOptions:
         measured_scale: factor on all of it at a measured velocity, at most 1, and at most 1/(1 + e)
             with e the relative error of the friction's level.
         measured_way: way over which the compensation changes direction at a measured velocity, at
-            least that over which the joint yields before it slips (rad or m).
+            least that over which the joint yields before it slips, the upper end of its interval
+            (rad or m); None: 0.003, or twice the scene's `presliding.way` if that is more.
     """
 
     scale: Any = 1.0
@@ -67,7 +68,7 @@ class CompensationOptions:
     limit: Any = np.inf
     power: Any = np.inf
     measured_scale: Any = MEASURED_SCALE
-    measured_way: Any = MEASURED_WAY
+    measured_way: Any = None
 
     def table(self, scene: Scene) -> np.ndarray:
         """Return the options as rows (8, na).
@@ -78,7 +79,10 @@ class CompensationOptions:
         rows = np.empty((8, len(scene.drives)))
         for row, entry in zip(rows, fields(self), strict=True):
             where = f"{scene.source}: CompensationOptions.{entry.name}"
-            numbers = real_numbers(where, getattr(self, entry.name))
+            given = getattr(self, entry.name)
+            if given is None and entry.name == "measured_way":
+                given = measured_ways(scene)
+            numbers = real_numbers(where, given)
             if numbers.shape not in ((), row.shape) or not (numbers >= 0.0).all():
                 raise StateError(
                     f"{where}: should be one number, or {row.size} (one per drive), not below 0; "
@@ -96,6 +100,14 @@ class CompensationOptions:
                 f"{scene.source}: CompensationOptions.measured_way: 0 drives a joint that yields "
                 "before it slips; give at least the way over which it yields (rad or m)"
             )
+        stated = ways_of_drives(scene)
+        if (rows[7] < stated).any():
+            d = int(np.argmax(rows[7] < stated))
+            raise StateError(
+                f"{scene.source}: CompensationOptions.measured_way: {rows[7, d]:g} is less than "
+                f"the {stated[d]:g} of {scene.drives[d].name!r}.presliding.way: the joint would "
+                "not rest after a push; give at least that, better the upper end of its interval"
+            )
         return rows
 
     def tables(self, scene: Scene) -> tuple[np.ndarray, np.ndarray]:
@@ -105,8 +117,32 @@ class CompensationOptions:
         """
         rows = self.table(scene)
         desired, measured = rows[[0, 1, 2, 3, 4, 5, 7]], rows[[6, 6, 2, 3, 4, 5, 7]]
-        desired[6] = 0.0
+        desired[6] = ways_of_drives(scene)
         return desired, measured
+
+
+def ways_of_drives(scene: Scene) -> np.ndarray:
+    """Return (na,) the ways over which the friction of drives and their joints builds up; 0: none.
+
+    Raises:
+        PinfricError: coupled drives, whose joints build up over other ways than they.
+    """
+    ways = scene.ways
+    if ways is None:
+        return np.zeros(len(scene.drives))
+    of_drives, own = ways.way[ways.of_drive], [drive.velocity_index for drive in scene.drives]
+    for drive, way, joint in zip(scene.drives, of_drives, ways.way[own], strict=True):
+        if way != joint:
+            raise PinfricError(
+                f"{scene.source}: {drive.name}: a compensator takes one way for a coupled drive "
+                f"and its joint; found {way:g} and {joint:g} (`presliding.way`)"
+            )
+    return of_drives
+
+
+def measured_ways(scene: Scene) -> np.ndarray:
+    """Return (na,) the default of `measured_way`; twice a stated way covers a gradual build-up."""
+    return np.maximum(MEASURED_WAY, 2.0 * ways_of_drives(scene))
 
 
 class Compensated(NamedTuple):
@@ -284,6 +320,11 @@ def check_used(scene: Scene, rows: np.ndarray, error: bool, v_now: bool, measure
             f"{scene.source}: CompensationOptions.hold_error: needs a desired velocity; at a "
             "measured one it would drive the joint: give 0"
         )
+    if (holding & (rows[6] > 0.0)).any():
+        raise StateError(
+            f"{scene.source}: CompensationOptions.hold_error: does nothing where friction builds "
+            "up over a way (`presliding`): give 0"
+        )
     if (holding & (rows[2] == 0.0)).any():
         raise StateError(f"{scene.source}: CompensationOptions.hold_error: needs a switch_velocity")
     if holding.any() and not (error and v_now):
@@ -316,11 +357,14 @@ def reach(scene: Scene) -> Reach:
     return bounds
 
 
-def check_reach(scene: Scene, bounds: Reach, q: np.ndarray, motion: Mapping[str, Any]) -> None:
+def check_reach(
+    scene: Scene, bounds: Reach, positions: Mapping[str, np.ndarray], motion: Mapping[str, Any]
+) -> None:
     """Refuse a state that no robot has.
 
     Args:
-        bounds: `reach`. q: (nq,). motion: v, a, v_ref, error, v_now: (nv,) each, or None.
+        bounds: `reach`. positions: q, q_ref: (nq,) each.
+        motion: v, a, v_ref, error, v_now: (nv,) each, or None.
 
     Raises:
         StateError: the joint, its figure and what is allowed.
@@ -328,7 +372,9 @@ def check_reach(scene: Scene, bounds: Reach, q: np.ndarray, motion: Mapping[str,
     place = [(joint.idx_q, joint.idx_v) for joint in list(scene.model.joints)[1:] if joint.nq == 1]
     at, of = np.array(place, dtype=int).reshape(-1, 2).T
     largest = {"a": LARGEST_ACCELERATION, "error": LARGEST_ERROR}
-    checked = [("q", q[at], bounds.least[of], bounds.greatest[of], of)]
+    checked = [
+        (name, q[at], bounds.least[of], bounds.greatest[of], of) for name, q in positions.items()
+    ]
     for name, values in motion.items():
         if values is not None:
             top = np.broadcast_to(largest.get(name, bounds.fastest), values.shape)
@@ -537,6 +583,7 @@ def compensate_sample(
     v_ref: np.ndarray,
     error: np.ndarray,
     v_now: np.ndarray,
+    q_ref: np.ndarray,
     given: np.ndarray,
     options: np.ndarray,
     out: np.ndarray,
@@ -544,7 +591,8 @@ def compensate_sample(
     """Write the compensation at the last state that RNEA computed, or all of `joint_effort`.
 
     Args:
-        x: of the solver. q: (nq,). v, a, v_ref, error, v_now: (nv,).
+        x: of the solver. q, q_ref: (nq,), that of the load, and that which moves z on.
+        v, a, v_ref, error, v_now: (nv,).
         given: (4,) bool: see `compensate`; whether rigid body and rotors are in it; whether the
             velocity is measured.
         options, out: see `compensate`.
@@ -554,14 +602,16 @@ def compensate_sample(
     """
     for i in range(v.size):
         k, fastest = x.position[i], x.reach.fastest[i]
-        if k >= 0 and not x.reach.least[i] <= q[k] <= x.reach.greatest[i]:
-            return False
+        if k >= 0:
+            least, greatest = x.reach.least[i], x.reach.greatest[i]
+            if not (least <= q[k] <= greatest and least <= q_ref[k] <= greatest):
+                return False
         if not (abs(v[i]) <= fastest and abs(v_ref[i]) <= fastest and abs(v_now[i]) <= fastest):
             return False
         if not (abs(a[i]) <= LARGEST_ACCELERATION and abs(error[i]) <= LARGEST_ERROR):
             return False
     for i in range(q.size):
-        if not abs(q[i]) <= LARGEST_OF_A_MOTION:
+        if not (abs(q[i]) <= LARGEST_OF_A_MOTION and abs(q_ref[i]) <= LARGEST_OF_A_MOTION):
             return False
     t, chain, wrench, displacement, load = x.tables, x.chain, x.wrench, x.displacement, x.load
     if not is_normalized(chain.unit_first, chain.unit_count, q):
@@ -570,7 +620,7 @@ def compensate_sample(
     normal_loads(wrench, t.sites.joint, t.sites.contacts, displacement, load)
     whose = 1 if given[3] else 0
     if options[6].max() > 0.0:
-        _travel(x, whose, q, v, options)
+        _travel(x, whose, q_ref, v, options)
     share = x.travelled.share[whose]
     compensate(t, chain.h, load[0], v_ref, error, v_now, given, options, share, out)
     finite = True

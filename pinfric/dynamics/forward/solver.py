@@ -289,7 +289,7 @@ def compensated_states(
     flags, friction = _FLAGS[(False,) * 4], np.empty((len(q), len(scene.drives)))
     for state, out in zip(zip(q, v, a, strict=True), friction, strict=True):
         ws.pinocchio.balance(*state)
-        compensate_sample(x, *state, state[1], still, still, flags, rows, out)
+        compensate_sample(x, *state, state[1], still, still, state[0], flags, rows, out)
     return list(friction)
 
 
@@ -688,6 +688,7 @@ class Solver:
         a: np.ndarray | None,
         v_ref: np.ndarray,
         *,
+        q_ref: np.ndarray | None = None,
         error: np.ndarray | None = None,
         v_now: np.ndarray | None = None,
         options: CompensationOptions = _DEFAULT,
@@ -696,12 +697,15 @@ class Solver:
         """Return the friction at a desired velocity that a controller adds, under the state's load.
 
         out = scale D(v_ref) + viscous_scale (P drag + motor's drag)(v_ref); see `compensation`. The
-        header of `pinfric export --to cpp` computes the same (`friction`). Its kernels are compiled
-        at the first call.
+        header of `pinfric export --to cpp` computes the same (`friction`). Where friction builds up
+        over a way (`presliding`) its share follows the desired positions of this thread's calls,
+        z <- clip(z + dq_ref/way, -1, 1), with no band of velocities; z = 0 at the first. Its
+        kernels are compiled at the first call.
 
         Args:
             q, v, a: (nq,), (nv,), (nv,) state that determines the load; v, a None: gravity only.
             v_ref: (nv,) desired velocity; of a measured one see `compensate_measured`.
+            q_ref: (nq,) desired positions, each cycle, where q are not; None: q.
             error: (nv,) desired less actual position, for `hold_error`.
             v_now: (nv,) measured velocity, for `hold_error` and `power`.
             options: scales, band, hold, limits.
@@ -715,7 +719,7 @@ class Solver:
             PinfricError: loops, drives off the joints, joints without a drive or with several.
         """
         motion = v, a, v_ref, error, v_now
-        return self._compensate(q, motion, options, external, measured=False, whole=False)
+        return self._compensate(q, q_ref, motion, options, external)
 
     def joint_effort(
         self,
@@ -724,6 +728,7 @@ class Solver:
         a: np.ndarray,
         v_ref: np.ndarray | None = None,
         *,
+        q_ref: np.ndarray | None = None,
         error: np.ndarray | None = None,
         v_now: np.ndarray | None = None,
         options: CompensationOptions = _DEFAULT,
@@ -737,12 +742,12 @@ class Solver:
 
         Args:
             q, v, a: (nq,), (nv,), (nv,) of the desired motion.
-            v_ref, error, v_now, options, external: see `compensate`; v_ref None: v.
+            v_ref, q_ref, error, v_now, options, external: see `compensate`; v_ref None: v.
 
         Returns, raises: see `compensate`.
         """
         motion = v, a, v if v_ref is None else v_ref, error, v_now
-        return self._compensate(q, motion, options, external, measured=False, whole=True)
+        return self._compensate(q, q_ref, motion, options, external, whole=True)
 
     def compensate_measured(
         self,
@@ -771,22 +776,24 @@ class Solver:
         Returns, raises: see `compensate`.
         """
         motion = v, a, v_now, None, v_now
-        return self._compensate(q, motion, options, external, measured=True, whole=False)
+        return self._compensate(q, None, motion, options, external, measured=True)
 
     def _compensate(
         self,
         q: np.ndarray,
+        q_ref: np.ndarray | None,
         motion: tuple[np.ndarray | None, ...],
         options: CompensationOptions,
         external: Mapping[str, np.ndarray] | None,
         *,
-        measured: bool,
-        whole: bool,
+        measured: bool = False,
+        whole: bool = False,
     ) -> np.ndarray:
-        """Compensate at q (nq,) and v, a, v_ref, error, v_now (nv,), see `compensate`."""
+        """Compensate at q, q_ref (nq,) and v, a, v_ref, error, v_now (nv,), see `compensate`."""
         own = self._own
         (ws, _), x = own.both, own.compensated or self._begin_compensation()
         q, nv, still = vector("q", q, ws.nq, "nq", ws.scene.model), ws.nv, x.still
+        there = q if q_ref is None else vector("q_ref", q_ref, ws.nq, "nq", ws.scene.model)
         given = [
             still if part is None else vector(name, part, nv, "nv")
             for name, part in zip(_MOTION, motion, strict=True)
@@ -799,16 +806,16 @@ class Solver:
         flags = _FLAGS[has_error and has_v_now, has_v_now, whole, measured]
         out = np.empty(x.na)
         self._balance(ws, q, v, a, external)
-        if compensate_sample(x.argument, q, v, a, v_ref, error, v_now, flags, rows, out):
+        if compensate_sample(x.argument, q, v, a, v_ref, error, v_now, there, flags, rows, out):
             return out
         # Not normalized, or no state of this robot
         named = zip(_MOTION, given, motion, strict=True)
         checked = {name: None if one is None else part for name, part, one in named}
-        check_reach(self.scene, x.reach, q, checked)
+        check_reach(self.scene, x.reach, {"q": q, "q_ref": there}, checked)
         normal = States.of(self.scene, q, v, a).q[0]
         if not np.array_equal(normal, q):
             return self._compensate(
-                normal, motion, options, external, measured=measured, whole=whole
+                normal, q_ref, motion, options, external, measured=measured, whole=whole
             )
         check_finite(self.scene, (out[None], out[None]), 0)
         raise AssertionError
@@ -816,8 +823,9 @@ class Solver:
     def reset_compensation(self) -> None:
         """Forget in which direction the joints moved, as after a stop of the controller.
 
-        Of this thread. From then on z is 0 in `compensate_measured`, and right again after a joint
-        has moved by twice its way in one direction.
+        Of this thread. From then on z is 0 in `compensate_measured`, and where friction builds up
+        in `compensate` and `joint_effort`; it is right again after a joint has moved by twice its
+        way in one direction.
         """
         x = self._own.compensated
         if x is not None:
@@ -831,7 +839,8 @@ class Solver:
         still, flags = x.still, _FLAGS[(False,) * 4]
         rows, _ = x.rows(_DEFAULT, False)
         with compiling():
-            arrays = np.zeros(ws.nq), *[still] * 5, flags, rows, np.empty(x.na)
+            q = np.zeros(ws.nq)
+            arrays = q, *[still] * 5, q, flags, rows, np.empty(x.na)
             compile_for(compensate_sample, x.argument, *arrays)
         self._own.compensated = x
         return x

@@ -5,17 +5,20 @@ import pinocchio as pin
 import pytest
 from builders import chain, lump, random_inertia, random_states
 from export_cases import (
+    BUILDING,
     RICH,
     SETTINGS,
     assert_columns,
     configurations,
     sampled,
+    with_ways,
 )
 from mechanisms import pin_friction
 from numpy.testing import assert_allclose
 
 import pinfric as pf
 from pinfric.dynamics.forward.compensation import CompensationOptions
+from pinfric.errors import StateError
 
 
 @pytest.mark.parametrize("options", SETTINGS, ids=range(len(SETTINGS)))
@@ -126,17 +129,21 @@ def test_a_mimic_joint_rubs_in_its_own_direction(ratio, way):
     assert_allclose(found, [expected], rtol=1e-12)
 
 
-def swing_after_a_push(way, gains, bits, measured_way=0.003):
+def joint_that_yields(way=None):
+    """A solver of a joint with 10 N m of friction, which builds up over a way if one is given."""
+    body = lump(5.0, [0.0, 0.0, -0.4], 0.001)
+    friction = {"coulomb": 10.0, "viscous": 8.0} | ({"presliding": {"way": way}} if way else {})
+    return pf.Scene(chain(("j", pin.JointModelRY(), body)), friction={"j": friction}).solver()
+
+
+def swing_after_a_push(way, gains, bits, **options):
     """Half the way (rad) over which a joint still swings 2.5 s after a push of 10 ms.
 
     Its friction of 10 N m builds up over `way` before it slips. A controller of 1 kHz with 1 ms of
     delay holds it by encoder counts, their velocity behind 80 Hz.
     """
-    body, gravity = lump(5.0, [0.0, 0.0, -0.4], 0.001), 5.0 * 0.4 * 9.81
-    friction = {"j": {"coulomb": {"static": 10.0, "kinetic": 10.0}, "viscous": 8.0}}
-    model = chain(("j", pin.JointModelRY(), body))
-    solver = pf.Scene(model, friction=friction).solver()
-    options = CompensationOptions(measured_way=measured_way)
+    gravity, solver = 5.0 * 0.4 * 9.81, joint_that_yields()
+    options = CompensationOptions(**options)
     (kp, kd), count, step = gains, 2 * np.pi / 2**bits, 5e-5
     q, v, z, low_passed, keep = 0.3, 0.0, 0.0, 0.0, 1.0 - np.exp(-2 * np.pi * 0.08)
     held = sent = gravity * np.sin(q)
@@ -165,3 +172,103 @@ def test_a_joint_that_yields_rests_after_a_push(way, gains, bits):
 def test_a_joint_that_yields_farther_than_the_way_given_swings():
     """Where the proof ends; and a band of velocities, before, swung by 0.2 to 3.9 mrad."""
     assert swing_after_a_push(3e-3, (900.0, 30.0), 19, measured_way=1e-3) > 1e-3
+
+
+def tracking_error(way, amplitude, frequency, compensation):
+    """RMS error (mrad) of a sine, in the loop of `swing_after_a_push` with 3600 and 120 N m.
+
+    Args:
+        compensation: (q, v) desired -> N m.
+    """
+    gravity, count, step, keep = 19.62, 2 * np.pi / 2**19, 5e-5, 1.0 - np.exp(-2 * np.pi * 0.08)
+    w, time = 2 * np.pi * frequency, np.arange(8000) * 1e-3
+    wanted, rate = amplitude * np.sin(w * time), amplitude * w * np.cos(w * time)
+    q, v, z, seen_before, slow, sent, errors = 0.0, rate[0], 0.0, 0.0, rate[0], 0.0, []
+    for k in range(8000):
+        seen = np.round(q / count) * count
+        slow += keep * ((seen - seen_before) / 1e-3 - slow)
+        seen_before, applied = seen, sent
+        sent = -w * w * wanted[k] + 8.0 * rate[k] + gravity * np.sin(wanted[k])
+        sent += 3600.0 * (wanted[k] - seen) + 120.0 * (rate[k] - slow)
+        sent += compensation(wanted[k], rate[k])
+        errors.append(wanted[k] - q)
+        for _ in range(20):
+            v += step * (applied - gravity * np.sin(q) - 8.0 * v - 10.0 * z)
+            q += step * v
+            z = min(max(z + step * v / way, -1.0), 1.0)
+    return 1e3 * np.sqrt(np.mean(np.square(errors[2000:])))
+
+
+@pytest.mark.parametrize(
+    ("way", "amplitude", "frequency", "none", "at_once", "building"),
+    [
+        (1e-4, 0.05, 0.16, 2.69, 0.48, 0.002),
+        (1e-3, 0.05, 0.16, 2.67, 0.63, 0.003),
+        (3e-3, 0.05, 0.16, 2.62, 0.89, 0.003),
+        (3e-3, 0.004, 0.5, 1.36, 1.59, 0.005),
+    ],
+)
+def test_a_slow_sine_is_tracked_to_some_micrometres_of_a_radian(
+    way, amplitude, frequency, none, at_once, building
+):
+    """Against a study of the same loop with another program: within a tenth, or its rounding."""
+    found = [tracking_error(way, amplitude, frequency, lambda q, v: 0.0)]
+    for solver in (joint_that_yields(), joint_that_yields(way)):
+
+        def friction(q, v, solver=solver):
+            return solver.compensate([q], None, None, [v], options=DRY)[0]
+
+        found.append(tracking_error(way, amplitude, frequency, friction))
+    assert found == pytest.approx([none, at_once, building], rel=0.1, abs=6e-4)
+
+
+#: Of the loop above, which has viscous friction on its own.
+DRY = CompensationOptions(viscous_scale=0.0)
+
+
+def test_a_way_that_the_scene_states_bounds_that_of_the_measured_call():
+    scene = joint_that_yields(4e-3).scene
+    assert CompensationOptions().table(scene)[7].tolist() == [8e-3]
+    with pytest.raises(StateError, match=r"measured_way: 0.003 is less than the 0.004 of 'j'"):
+        CompensationOptions(measured_way=3e-3).table(scene)
+    with pytest.raises(StateError, match=r"measured_way: 0 drives a joint that yields"):
+        CompensationOptions(measured_way=0.0).table(scene)
+    solver, hold = scene.solver(), CompensationOptions(hold_error=0.01)
+    with pytest.raises(StateError, match="hold_error: does nothing where friction builds up"):
+        solver.compensate([0.0], None, None, [0.0], error=[0.0], v_now=[0.0], options=hold)
+    with pytest.raises(StateError, match="hold_error: needs a desired velocity"):
+        solver.compensate_measured([0.0], [0.0], options=hold)
+    for wrong in (np.nan, 1e9):
+        with pytest.raises(StateError, match="q_ref: 'j'"):
+            solver.compensate([0.0], None, None, [0.0], q_ref=[wrong])
+
+
+@pytest.mark.parametrize("scene", BUILDING, ids=lambda scene: scene.source)
+def test_both_languages_let_friction_build_up_by_desired_positions(headers, scene):
+    rng, (q, v, a) = np.random.default_rng(3), sampled(scene, 18, 80)
+    q_ref = q[0] + np.cumsum(rng.normal(scale=0.004, size=q.shape), axis=0)
+    found = headers.ask(scene, q, v, a, v, q_ref=q_ref)
+    rows, there, solver = configurations(scene, q), configurations(scene, q_ref), scene.solver()
+    for name, call in (("friction", solver.compensate), ("joint_effort", solver.joint_effort)):
+        solver.reset_compensation()
+        python = [call(rows[i], v[i], a[i], v[i], q_ref=there[i]) for i in range(len(q))]
+        assert_columns(found[name], np.array(python), name)
+
+
+def test_feed_forward_along_a_motion_is_inverse_dynamics_with_its_history():
+    """Once each joint has moved by twice its way; both split turning points at samples."""
+    scene = with_ways(RICH[1], 2e-3)
+    t = np.linspace(0.0, 3.0, 3001)
+    w = np.linspace(2.0, 5.0, scene.model.nv)
+    q, v, a = 0.1 * np.sin(w * t[:, None]), 0.1 * w * np.cos(w * t[:, None]), 0.0
+    a = -(w**2) * q
+    full = configurations(scene, q)
+    result, solver = pf.inverse_dynamics(scene, full, v, a, t=t), scene.solver()
+    found = np.array([solver.joint_effort(full[i], v[i], a[i]) for i in range(len(t))])
+    judged = ~result.sticking.any(axis=1) & (t > 0.1)
+    # a turning point between samples: within the way that a joint moves there and back
+    apart = np.abs(found - result.joint_effort_lower)[judged]
+    scale = np.abs(result.joint_effort_lower).max(axis=0)
+    assert np.median(apart / scale) < 1e-12
+    assert (apart / scale).max() < 2e-3
+    assert result.presliding.lower[judged].min() < -0.9 < 0.9 < result.presliding.upper.max()
