@@ -32,6 +32,7 @@ from pinfric.errors import (
     choose_from,
 )
 from pinfric.model.closure import velocity_names
+from pinfric.model.drives import lossy_gears
 from pinfric.model.magnitudes import LARGEST_OF_A_MOTION, LONGEST_TIME, SMALLEST, impossible
 from pinfric.model.scene import Scene, expect_scene, payload_names
 
@@ -111,7 +112,8 @@ def simulate(
     start as long as its friction bears its effort. `event`: the modes change at located instants,
     the reference. `timestepping`: Moreau and Jean's scheme, fixed steps, implicit friction, first
     order, exact standstill. `regularized`: mu(v) smoothed by tanh(v / velocity) and a stiff solver;
-    no static friction, joints creep where the other methods hold them.
+    no static friction, joints creep where the other methods hold them. Friction that builds up
+    over a way (`presliding`) is for `timestepping`.
 
     Args:
         scene: the robot with its friction and drives.
@@ -148,6 +150,7 @@ def simulate(
     array([0.237])
     """
     settings, (q, v) = _read(scene, method, t_end, numbers), _start(scene, q0, v0)
+    _check_presliding(scene, method, motor_torque is not None)
     drive_efforts = make_effort(scene, effort, breakpoints, motor_torque)
     if settings.control_period is not None:
         drive_efforts = _held(drive_efforts, settings, breakpoints)
@@ -206,6 +209,28 @@ def _read(scene: Scene, method: str, t_end: float | None, numbers: Numbers) -> S
                 f"{name} = {value!r}: is for {readers}; {method} takes {', '.join(_READ[method])}"
             )
     return settings
+
+
+def _check_presliding(scene: Scene, method: str, motors: bool) -> None:
+    """Refuse friction that builds up where it is not simulated; say what is simplified."""
+    if scene.ways is None:
+        return
+    if method != "timestepping":
+        raise SimulationError(
+            f"{scene.source}: presliding: {method} has no friction that builds up over a way; take "
+            "method timestepping, or leave it out (`scene.without_presliding`)"
+        )
+    if motors and any(lossy_gears(scene.gears())):
+        raise SimulationError(
+            f"{scene.source}: presliding: losses of gears do not build up in simulations; give "
+            "efforts at the joints, or leave it out (`scene.without_presliding`)"
+        )
+    if scene.ways.gradual.any():
+        warnings.warn(
+            f"{scene.source}: presliding.shape gradual: simulated as sharp, with the same way",
+            PinfricWarning,
+            stacklevel=3,
+        )
 
 
 def _end(scene: Scene, t_end: float | None) -> float:

@@ -12,7 +12,7 @@ any step; sticking joints are exactly at rest. Drag also acts at the end of the 
 of the oscillation that they cause. Steps end where an effort or its slope jumps.
 
 A step that ends at exactly zero velocity is a stop only if static friction holds the joint at that
-instant; otherwise the motion reverses.
+instant; otherwise the motion reverses. Friction that builds up over a way: see `build_up`.
 
 Where self-locking gears in motion leave no acceleration (`friction/gears.py`) a step may have an
 answer, in which the rotor stops with a jump. It is refused, too: what moves then depends on the
@@ -27,6 +27,7 @@ import numpy as np
 import pinocchio as pin
 
 from pinfric.dynamics.forward.workspace import Workspace
+from pinfric.dynamics.simulation.build_up import BuildUp
 from pinfric.dynamics.simulation.integration import begin, standing
 from pinfric.dynamics.simulation.recorder import Recorder
 from pinfric.dynamics.simulation.system import Settings, System
@@ -56,7 +57,8 @@ def step_through(
         q, v = begin(system, record, q, v)
     except AccelerationError as problem:
         v = _begin_with_a_step(system, settings, record, (q, v), problem)
-    before, since = ws.modes.copy(), 0.0
+    before, since, build_up = ws.modes.copy(), 0.0, BuildUp(ws)
+    build_up.note(ws)
     for t, end, dt in _steps(system, settings):
         start, since = q, since + dt
         middle = pin.integrate(model, q, 0.5 * dt * v)
@@ -64,23 +66,26 @@ def step_through(
         rates, rests = ws.constraints.rates(middle, v), ws.plan.coordinates.dry
         if not ws.is_sure():
             before, rests = _at_instant(system, t, dt, (middle, v), rates)
+        build_up.add(ws, dt)
         outcome = _solve_step(ws, rates, before, rests)
         if outcome != SearchOutcome.SOLVED:
             raise ws.failures.failure(outcome, ws.state).at(t)
-        stopped = bool((ws.modes.stuck & ~before.stuck).any())
+        build_up.note(ws)
+        stands = ws.modes.stuck & ~build_up.builds
+        stopped = bool((stands & ~before.stuck).any())
         ws.finish()
         a = ws.accelerations()
         ws.check_held(a)
         v = v + dt * a
-        v = ws.constraints.project(middle, v, ws.modes.stuck)[1]
+        v = ws.constraints.project(middle, v, stands)[1]
         q = pin.integrate(model, middle, 0.5 * dt * v)
         # v obeys the loops at the middle; made to obey them here it would lack half their impulse
-        q, at_end = ws.constraints.project(q, v, ws.modes.stuck)
+        q, at_end = ws.constraints.project(q, v, stands)
         if end < settings.t_end:
             system.control(end, q, at_end)
-        if stopped:
+        if stopped and not build_up.builds.any():  # else the next step decides
             _hold_or_turn(system, end, q, at_end, before)
-        ws.constraints.hold_position(q, ws.modes.stuck)
+        ws.constraints.hold_position(q, stands)
         turned = (ws.modes.direction * before.direction < 0.0) & ~ws.plan.coordinates.ball
         # what came to rest did so at the step's end, what left at its start
         record.changes(end if stopped else t, before, turned)
@@ -89,7 +94,8 @@ def step_through(
         due = max(1, round(settings.sample_step / dt)) * dt
         if since >= due * (1.0 - 1e-9) or end == settings.t_end:
             since = 0.0
-            system.solve_given_modes(end, q, at_end, before.kept())
+            if not build_up.builds.any():  # else the sample has the step's own accelerations
+                system.solve_given_modes(end, q, at_end, before.kept())
             record.sample(end, q, at_end)
         record.progress(end)
 
