@@ -157,6 +157,11 @@ def _most_voltage(d: Candidates) -> Value:
     return np.where(np.isnan(d.motor.max_voltage), rule, d.motor.max_voltage)
 
 
+def _nominal_note(d: Candidates) -> str:
+    nominal = float(d.motor.nominal_voltage)
+    return "" if np.isnan(nominal) else f"nominal voltage {nominal:g} V"
+
+
 def _at_its_voltage_only(d: Candidates) -> Value:
     known = _has_line(d) | np.isnan(first_known(d.motor, STAND_INS["max_speed"]))
     return ~known & ~np.isnan(d.motor.nominal_voltage)
@@ -318,7 +323,7 @@ MOTOR_LIMITS = [
     Limit("bus voltage", lambda d: d.conditions.bus_voltage, _most_voltage, "V",
           f"bus voltage <= {MOST_OVERVOLTAGE:g} nominal voltage, or extra-low voltage",
           f"pinfric: any winding up to {EXTRA_LOW_VOLTAGE:g} V DC; above that a question",
-          "nominal voltage", lambda d: f"nominal voltage {d.motor.nominal_voltage:g} V",
+          "nominal voltage", _nominal_note,
           stage="pair", condition="bus_voltage",
           endless=f"extra-low voltage, up to {EXTRA_LOW_VOLTAGE:g} V DC: any winding"),
     Limit("motor voltage", lambda d: d.motor.nominal_voltage, lambda d: d.conditions.bus_voltage,

@@ -407,6 +407,9 @@ def test_bus_voltage_far_above_the_motors_own(tmp_path):
     assert criterion(joint, "bus voltage").status == Status.NOT_CHECKED
     stated = sized(tmp_path, {**motor, "max_voltage": 80.0}, conditions={"bus_voltage": 75.0})
     assert criterion(stated, "bus voltage").available == 80.0
+    assert criterion(stated, "bus voltage").note == "nominal voltage 48 V"
+    unknown = sized(tmp_path, {"max_voltage": 80.0}, conditions={"bus_voltage": 75.0})
+    assert criterion(unknown, "bus voltage").note == ""  # said to be nan V
     joint = sized(tmp_path, motor, conditions={"bus_voltage": 72.0})
     assert criterion(joint, "bus voltage").status == Status.PASSES
     assert joint.choice.margin > 0  # at its limit, but that is no tightness
