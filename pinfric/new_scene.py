@@ -285,7 +285,7 @@ def write_new(
     link: str | None = None,
     **given: Any,
 ) -> list[Path]:
-    """Write NAME.yaml and NAME.waypoints.yaml for a URDF, never over existing files.
+    """Write NAME.yaml and NAME.waypoints.yaml for a URDF, never over other files.
 
     Also the JSON schemas of both, which their first lines name for editors; with a payload
     NAME.rating.waypoints.yaml, with a mass NAME.masses.urdf.
@@ -298,7 +298,7 @@ def write_new(
 
     Raises:
         RobotError: see `Begun.read`.
-        PinfricError: a file exists already or cannot be written.
+        PinfricError: a file exists already with other content, or cannot be written.
     """
     begun = Begun.read(urdf, **given)
     folder, name = Path(folder), begun.name
@@ -314,9 +314,10 @@ def write_new(
         contents[f"{name}.rating.waypoints.yaml"] = _checked("waypoints", rating)
     if begun.masses:
         contents[f"{name}.masses.urdf"] = robot_text(begun.robot, begun.masses)
-    for file in contents:
-        if (folder / file).exists():
-            raise PinfricError(f"{folder / file}: exists already; name another folder (--out)")
+    for path, text in ((folder / file, text) for file, text in contents.items()):
+        # a killed run leaves some of these
+        if path.exists() and not (path.is_file() and path.read_bytes() == text.encode()):
+            raise PinfricError(f"{path}: exists already; name another folder (--out)")
     schemas = {
         f"{kind}.schema.json": json.dumps(json_schema(kind), indent=1) + "\n"
         for kind in ("scene", "waypoints")

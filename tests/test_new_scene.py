@@ -356,6 +356,17 @@ def test_simulation_of_the_new_scene_runs(tmp_path):
     assert motion.q[-1, 0] > 1e-3  # the arm falls: it turns about +y, and weighs at +x
 
 
+def test_what_a_killed_run_left_is_completed(tmp_path):
+    files = write_new(arm(tmp_path), tmp_path)
+    before = [file.read_bytes() for file in files]
+    files[1].unlink()
+    assert write_new(tmp_path / "arm.urdf", tmp_path) == files
+    assert [file.read_bytes() for file in files] == before
+    files[0].write_text(files[0].read_text() + "# mine\n")
+    with pytest.raises(PinfricError, match=r"arm\.yaml: exists already"):
+        write_new(tmp_path / "arm.urdf", tmp_path)
+
+
 def test_nothing_is_overwritten_and_nothing_half_written(tmp_path, monkeypatch):
     urdf = arm(tmp_path)
     (tmp_path / "arm.waypoints.yaml").write_text("mine")
