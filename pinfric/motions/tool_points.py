@@ -2,7 +2,10 @@
 
 Levenberg-Marquardt from the posture before, e = log6(M(q)^-1 M_wanted), J its Jacobian:
 
-    dq = (J^T J + (|e|^2/2 + 1e-12) 1)^-1 J^T e,    within the joints' limits
+    dq = (J^T J + (|e|^2/2 + w) 1)^-1 J^T e,    within the joints' limits
+
+w is 1e-12. After `_PASSES` steps, which go to and fro beside a goal that is out of reach, only
+those are taken that bring the tool nearer; the others raise w tenfold.
 
 On a straight line the tool turns about one axis; quintic splines join `_KNOTS` postures. Damping:
 Sugihara, Solvability-Unconcerned Inverse Kinematics by the Levenberg-Marquardt Method, IEEE Trans.
@@ -28,6 +31,8 @@ if TYPE_CHECKING:
     from scipy.interpolate import BSpline
 
 _PASSES = 500
+#: Damping w, (m, rad)^2.
+_LEAST = 1e-12
 #: m and rad: what a posture may be off.
 _REACHED = 1e-9
 _KNOTS = 65
@@ -69,31 +74,43 @@ class Tool:
         rows: 6, or 3 for the position alone.
         """
         x = np.clip(x, self.low, self.high)
-        for _ in range(_PASSES):
-            off = self.place(x).actInv(goal)
-            J = self.jacobian[:, [column.index_v for column in self.columns]]
-            if rows == 6:
-                e, J = pin.log6(off).vector, pin.Jlog6(off.inverse()) @ J
-            else:
-                e, J = off.translation, J[:3]
+        e, J = self._off(goal, x, rows)
+        damping = _LEAST
+        for number in range(2 * _PASSES):
             if np.linalg.norm(e) < 1e-3 * _REACHED:
                 break
-            free = np.ones(x.size, dtype=bool)
-            for _ in range(x.size):  # joints at a limit do not push against it
-                step = np.zeros(x.size)
-                A = J[:, free]
-                damped = A.T @ A + (0.5 * e @ e + 1e-12) * np.eye(free.sum())
-                step[free] = np.linalg.solve(damped, A.T @ e)
-                stuck = (x + step > self.high) & (x >= self.high)
-                stuck |= (x + step < self.low) & (x <= self.low)
-                if not (stuck & free).any():
-                    break
-                free &= ~stuck
-            moved = np.clip(x + step, self.low, self.high)
+            moved = np.clip(x + self._step(x, e, J, damping), self.low, self.high)
             if np.abs(moved - x).max(initial=0.0) < 1e-14:
                 break
-            x = moved
+            there = self._off(goal, moved, rows)
+            if number < _PASSES or there[0] @ there[0] < e @ e:
+                x, (e, J), damping = moved, there, max(0.1 * damping, _LEAST)
+            else:
+                damping *= 10.0
         return x, e
+
+    def _off(self, goal: pin.SE3, x: FloatArray, rows: int) -> tuple[FloatArray, FloatArray]:
+        """Return what x is off, e (rows,), and its rate, J (rows, nj)."""
+        off = self.place(x).actInv(goal)
+        J = self.jacobian[:, [column.index_v for column in self.columns]]
+        if rows == 6:
+            return pin.log6(off).vector, pin.Jlog6(off.inverse()) @ J
+        return off.translation, J[:3]
+
+    def _step(self, x: FloatArray, e: FloatArray, J: FloatArray, damping: float) -> FloatArray:
+        """Return dq; joints at a limit do not push against it."""
+        free, step = np.ones(x.size, dtype=bool), np.zeros(x.size)
+        for _ in range(x.size):
+            step = np.zeros(x.size)
+            A = J[:, free]
+            damped = A.T @ A + (0.5 * e @ e + damping) * np.eye(free.sum())
+            step[free] = np.linalg.solve(damped, A.T @ e)
+            stuck = (x + step > self.high) & (x >= self.high)
+            stuck |= (x + step < self.low) & (x <= self.low)
+            if not (stuck & free).any():
+                break
+            free &= ~stuck
+        return step
 
     def missed(self, goal: pin.SE3, x: FloatArray, e: FloatArray) -> str:
         """Return how far a goal is out of reach; empty if it is reached."""
@@ -102,8 +119,11 @@ class Tool:
         distance = np.linalg.norm(self.reach(goal, x, 3)[1])
         if distance > _REACHED:
             return f"the tool is out of reach, by {distance:.3g} m within the joints' limits"
-        turn = np.degrees(np.linalg.norm(e[3:]))
-        return f"the tool is there only if turned by {turn:.2g} deg within the joints' limits"
+        short, turn = np.linalg.norm(e[:3]), np.degrees(np.linalg.norm(e[3:]))
+        return (
+            f"the tool is there only if turned: it comes within {short:.2g} m and {turn:.2g} deg "
+            "within the joints' limits"
+        )
 
 
 def solve_tool_points(

@@ -1,11 +1,13 @@
 """Way-points of the tool: postures and straight lines beside Pinocchio's own kinematics."""
 
+import re
+
 import numpy as np
 import pinocchio as pin
 import pytest
 import yaml
 from numpy.testing import assert_allclose
-from scipy.optimize import minimize
+from scipy.optimize import least_squares, minimize
 
 import pinfric as pf
 from pinfric.retiming.path import load_path
@@ -90,6 +92,35 @@ def test_a_place_out_of_reach_is_refused_with_its_distance(tmp_path):
         pf.load_trajectory(written(tmp_path, f"{{tool: {{xyz: {goal.tolist()}}}}}"), scene)
     said = float(str(refused.value).split("out of reach, by ")[1].split(" m")[0])
     assert said == pytest.approx(least, abs=1e-3)
+
+
+def test_a_place_that_a_stretched_arm_reaches_only_turned_is_refused_with_both_distances(tmp_path):
+    """Steps went to and fro there: it was said to be off by 3e-4 deg alone."""
+    scene = pf.load_scene("panda").with_(tool="panda_hand")
+    model, begin = scene.model, np.array([0.0, 0.5, 0.0, -1.5, 0.0, 1.5, 0.7])
+    data, frame = model.createData(), model.getFrameId("panda_hand")
+
+    def place(q):
+        pin.framesForwardKinematics(model, data, q)
+        return data.oMf[frame].copy()
+
+    line = f"{{q: {begin.tolist()}}}, {{tool: {{xyz: [0.8, 0.0, 0.333], line: true}}, duration: 1}}"
+    (tmp_path / "w.yaml").write_text(f"pinfric_trajectory: 1\npoints: [{line}]\n")
+    with pytest.raises(pf.PinfricError, match=r"at 59 % .* only if turned") as refused:
+        pf.load_trajectory(tmp_path / "w.yaml", scene)
+    goal = place(begin)
+    goal.translation += 38 / 64 * (np.array([0.8, 0.0, 0.333]) - goal.translation)
+    ends = model.lowerPositionLimit, model.upperPositionLimit
+    rng, least = np.random.default_rng(0), np.inf
+    for _ in range(8):
+        found = least_squares(
+            lambda q: pin.log6(place(q).actInv(goal)).vector,
+            np.clip(begin + rng.uniform(-0.5, 0.5, 7), ends[0] + 1e-6, ends[1] - 1e-6),
+            bounds=ends,
+        )
+        least = min(least, np.sqrt(2.0 * found.cost))
+    short, turn = re.search(r"within (\S+) m and (\S+) deg", str(refused.value)).groups()
+    assert np.hypot(float(short), np.radians(float(turn))) == pytest.approx(least, rel=0.03)
 
 
 @pytest.mark.parametrize(
