@@ -34,7 +34,7 @@ _WRITTEN_BY = {
 }
 #: What is no YAML, by the ends of names.
 _OTHERS = {
-    "log or a table": (".csv", ".tsv", ".txt", ".parquet", ".mat", ".db3", ".mcap", ".npz"),
+    "log or a table": (".csv", ".tsv", ".txt", ".parquet", ".mat", ".npz", ".db3", ".mcap", ".bag"),
     "page or a picture": (".html", ".pdf", ".png", ".svg"),
     "program": (".cpp", ".hpp", ".py"),
 }

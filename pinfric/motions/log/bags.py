@@ -1,4 +1,4 @@
-"""ROS 2 bags (SQLite, MCAP; a file or a folder) of sensor_msgs/msg/JointState."""
+"""ROS bags of JointState: of ROS 2 (SQLite, MCAP; a file or a folder) and of ROS 1 (`.bag`)."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _FEW = 100
 
 def is_bag(path: Path) -> bool:
     """Whether a path is that of a bag's file or folder."""
-    is_file = path.suffix.lower() in (".db3", ".mcap") and path.is_file()
+    is_file = path.suffix.lower() in (".db3", ".mcap", ".bag") and path.is_file()
     return is_file or (path / "metadata.yaml").is_file()
 
 
@@ -76,7 +76,7 @@ def open_bag(path: Path, joint_names: Sequence[str]) -> OpenedLog:
         reason = " ".join(f"{problem}".split())[:200] or type(problem).__name__
         raise TrajectoryError(
             f"{path}: the bag is damaged or truncated ({reason}); record it again, or recover it "
-            "by `ros2 bag reindex`, `sqlite3 FILE .recover` or `mcap recover`"
+            "by `ros2 bag reindex`, `sqlite3 FILE .recover`, `mcap recover`, or `rosbag reindex`"
         ) from None
     columns: dict[str, NDArray[Any]] = {"t": times}
     joints = list(dict.fromkeys(name for names in groups for name in names))
@@ -110,7 +110,7 @@ def _chosen_topic(path: Path, reader: Any, topics: list[str], joint_names: Seque
     if len(best) > 1:
         raise TrajectoryError(
             f"{path}: topics {listing(best)} all have joint states of this robot; keep one of "
-            "them: ros2 bag convert, or a CSV file"
+            "them: `ros2 bag convert`, `rosbag filter`, or a CSV file"
         )
     return best[0]
 

@@ -43,13 +43,34 @@ from pinfric.motions.log.units import (
 from pinfric.motions.table import TrajectoryTable, mismatch_warnings
 
 #: Endings of the files that are read here; a bag may be a folder, too.
-SUFFIXES = (".csv", ".tsv", ".txt", ".csv.gz", ".parquet", ".mat", ".npz", ".json", ".db3", ".mcap")
+SUFFIXES = (
+    *(".csv", ".tsv", ".txt", ".csv.gz", ".parquet", ".mat", ".npz", ".json"),
+    *(".db3", ".mcap", ".bag"),
+)
 #: How files of arrays are opened; all others are text or bags.
 _OPENED = {
     ".parquet": open_parquet,
     ".mat": open_matlab,
     ".npz": open_numpy,
     ".json": open_json,
+}
+#: Endings of files that are not read -> what they are, and what makes a log of them.
+_CONVERTED = {
+    (".h5", ".hdf5", ".hdf"): (
+        "HDF5",
+        "import h5py, numpy; d = {}; h5py.File('log.h5').visititems(lambda name, x: "
+        "d.update({name: x[()]}) if hasattr(x, 'dtype') and x.dtype.kind in 'fiu' else None); "
+        "numpy.savez('log.npz', **d)",
+    ),
+    (".feather", ".arrow"): (
+        "Arrow",
+        "import pandas; pandas.read_feather('log.feather').to_parquet('log.parquet')",
+    ),
+    (".xlsx", ".xls", ".ods"): ("a spreadsheet", "save the sheet as CSV"),
+    (".npy", ".pkl", ".pickle"): (
+        "an array without names",
+        "import numpy; numpy.savez('log.npz', t=TIMES, JOINT=POSITIONS)",
+    ),
 }
 
 #: rad or m: a joint that goes no farther, as a gripper's finger, is locked nearly where it is.
@@ -68,7 +89,7 @@ def read_log(
     said: Remarks,
     locked: Mapping[str, tuple[float, str]] = MappingProxyType({}),
 ) -> Logged:
-    """Read a CSV, Parquet or MATLAB file, a bag, or arrays.
+    """Read a file of one of the `SUFFIXES`, a bag's folder, or arrays.
 
     Args:
         joints, payloads: those that may have columns (`payload.<name>`).
@@ -128,8 +149,12 @@ def _open(path: Path, joints: Sequence[JointColumn]) -> OpenedLog:
     name = path.name.lower()
     if name.endswith(SUFFIXES):
         return _OPENED.get(Path(name).suffix, open_csv)(path)
+    for endings, (kind, conversion) in _CONVERTED.items():
+        if name.endswith(endings):
+            raise TrajectoryError(f"{path}: is {kind}, which is not read; convert it: {conversion}")
     raise TrajectoryError(
-        f"{path}: a trajectory ends in .csv, .yaml or .yml; a log in {', '.join(SUFFIXES)}"
+        f"{path}: a trajectory ends in .csv, .yaml or .yml; a log in {', '.join(SUFFIXES)}; write "
+        "another format as CSV"
     )
 
 

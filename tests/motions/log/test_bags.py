@@ -1,4 +1,4 @@
-"""ROS 2 bags, as a folder and as a file."""
+"""ROS bags: of ROS 2 as a folder and as a file, of ROS 1."""
 
 import shutil
 from pathlib import Path
@@ -107,4 +107,65 @@ def test_a_joint_named_twice_in_a_message_is_refused(tmp_path):
     twice = ["arm_lift", "base_turn", "base_turn"]
     bag = write_bag(tmp_path / "bag", "SQLITE3", names=lambda i: twice if i == 5 else NAMES)
     with pytest.raises(TrajectoryError, match="a message names joint 'base_turn' twice"):
+        pf.load_trajectory(bag, arm())
+
+
+def write_ros1(file, kinds=("sensor_msgs/msg/JointState",), names=NAMES, compression=None):
+    """A bag of the arm's motion, as rosbag record of ROS 1 writes it."""
+    from rosbags.rosbag1 import Writer
+    from rosbags.typesys import Stores, get_typestore
+
+    types = get_typestore(Stores.ROS1_NOETIC)
+    make, writer = types.types, Writer(file)
+    if compression:
+        writer.set_compression(getattr(Writer.CompressionFormat, compression))
+    with writer:
+        for kind in kinds:
+            topic = "/joint_states" if kind.endswith("JointState") else "/battery"
+            connection = writer.add_connection(topic, kind, typestore=types)
+            for i, (t, q) in enumerate(zip(T, Q, strict=True)):
+                at = 1_700_000_000_000_000_000 + round(t * 1e9)
+                stamp = make["builtin_interfaces/msg/Time"](sec=at // 10**9, nanosec=at % 10**9)
+                values = dict(zip(NAMES, [q[1], 0.0, q[0]], strict=True))
+                message = (
+                    make[kind](
+                        header=make["std_msgs/msg/Header"](seq=i, stamp=stamp, frame_id=""),
+                        name=list(names),
+                        position=np.array([values[name] for name in names]),
+                        velocity=np.array([]),
+                        effort=7.0 * np.array([values[name] for name in names]),
+                    )
+                    if topic == "/joint_states"
+                    else make[kind](data=float(t))
+                )
+                writer.write(connection, at + 3_000_000, types.serialize_ros1(message, kind))
+    return file
+
+
+@pytest.mark.parametrize("compression", [None, "BZ2", "LZ4"])
+def test_bags_of_ros_1(compression, tmp_path):
+    kinds = ("std_msgs/msg/Float64", "sensor_msgs/msg/JointState")
+    bag = write_ros1(tmp_path / "log.bag", kinds, compression=compression)
+    motion = pf.load_trajectory(bag, arm())
+    assert_allclose(motion.t, T, atol=1e-9)
+    assert_array_equal(motion.q, Q)
+    assert_array_equal(motion.reading.effort["base_turn"], 7.0 * Q[:, 0])
+    assert "other topics: /battery (std_msgs/msg/Float64)" in motion.warnings[0]
+
+
+def test_bags_of_ros_1_that_are_cut_or_lack_a_joint(tmp_path):
+    bag = write_ros1(tmp_path / "log.bag")
+    whole = bag.read_bytes()
+    for share in (0.0, 0.001, 0.3, 0.9, 0.999):
+        bag.write_bytes(whole[: int(share * len(whole))])
+        with pytest.raises(TrajectoryError, match=r"log\.bag: the bag is .*rosbag reindex") as e:
+            pf.load_trajectory(bag, arm())
+        assert "\n" not in str(e.value)
+    bag.unlink()
+    write_ros1(bag, names=("base_turn",))
+    with pytest.raises(TrajectoryError, match="joints without a column: arm_lift"):
+        pf.load_trajectory(bag, arm())
+    bag.unlink()
+    write_ros1(bag, kinds=("std_msgs/msg/Float64",))
+    with pytest.raises(TrajectoryError, match="JointState; its topics: /battery"):
         pf.load_trajectory(bag, arm())

@@ -175,6 +175,17 @@ def test_files_that_cannot_be_read(tmp_path):
     assert "there is no file" in message(tmp_path / "none.csv", scene)
     assert "there is no file" in message(tmp_path / "none.yaml", scene)
     assert "ends in .csv, .yaml or .yml" in message(write(tmp_path, "m.doc", "t,a"), scene)
+    for ending, kind, conversion in (
+        (".h5", "HDF5", "numpy.savez('log.npz', **d)"),
+        (".HDF5", "HDF5", "import h5py"),
+        (".feather", "Arrow", "to_parquet"),
+        (".xlsx", "a spreadsheet", "as CSV"),
+        (".npy", "an array without names", "t=TIMES"),
+    ):
+        said = message(write(tmp_path, f"m{ending}", "x"), scene)
+        assert f"m{ending}: is {kind}, which is not read; convert it: " in said
+        assert conversion in said
+        assert "\n" not in said
     binary = tmp_path / "b.csv"
     binary.write_bytes(b"\xff\xfe\x00\x81")
     assert "not a text file" in message(binary, scene)
