@@ -34,7 +34,10 @@ _WRITTEN_BY = {
 }
 #: What is no YAML, by the ends of names.
 _OTHERS = {
-    "log or a table": (".csv", ".tsv", ".txt", ".parquet", ".mat", ".npz", ".db3", ".mcap", ".bag"),
+    "log or a table": (
+        *(".csv", ".tsv", ".txt", ".parquet", ".mat", ".npz", ".jsonl", ".ndjson"),
+        *(".db3", ".mcap", ".bag"),
+    ),
     "page or a picture": (".html", ".pdf", ".png", ".svg"),
     "program": (".cpp", ".hpp", ".py"),
 }

@@ -1,4 +1,4 @@
-"""Files of arrays: Parquet, MATLAB, NumPy and JSON."""
+"""Files of arrays: Parquet, MATLAB, NumPy, JSON and JSON lines."""
 
 from __future__ import annotations
 
@@ -9,13 +9,14 @@ import zlib
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pinfric.errors import TrajectoryError
-from pinfric.model.yamlfile import refuse_result
+from pinfric.model.yamlfile import NOT_UTF_8, refuse_result
 from pinfric.motions.log.frame import FEWEST, MOST_BYTES, OpenedLog, arrays_log, check_size
 
 #: Keys of a file under which the joints' names stand.
@@ -139,48 +140,110 @@ def open_numpy(path: Path) -> OpenedLog:
     except Exception as problem:  # zipfile, zlib, struct, NumPy have a dozen for damaged files
         reason = " ".join(str(problem).split())[:200] or type(problem).__name__
         raise TrajectoryError(f"{path}: cannot be read as a NumPy file: {reason}") from None
-    return _arrays_opened(path, dict(_arrays("", arrays)), _joint_names(arrays))
+    return _mapping_opened(path, arrays)
 
 
 def open_json(path: Path) -> OpenedLog:
     """Open a JSON file: arrays by name, or a list of records.
 
     Raises:
-        TrajectoryError: damaged, too large, no arrays of numbers.
+        TrajectoryError: damaged, too large, no arrays of numbers, names of joints that change.
     """
     try:
         check_size(path, 0, inflated=path.stat().st_size)
         content = json.loads(path.read_bytes())
-        if isinstance(content, list) and all(isinstance(record, dict) for record in content):
-            keys = dict.fromkeys(key for record in content for key in record)
-            content = {key: [record.get(key) for record in content] for key in keys}
     except (OSError, ValueError, RecursionError) as problem:
         reason = " ".join(str(problem).split())[:200]
         raise TrajectoryError(f"{path}: cannot be read as JSON: {reason}") from None
+    content = _by_key(content) if _is_records(content) else content
     content = content if isinstance(content, dict) else {}
     refuse_result(path, content, TrajectoryError)
-    return _arrays_opened(path, dict(_arrays("", content)), _joint_names(content))
+    return _mapping_opened(path, content)
 
 
-def _joint_names(content: Mapping[str, Any]) -> list[str]:
-    for key in _NAMES & content.keys():
-        names = np.asarray(content[key])
-        if names.ndim == 1 and names.dtype.kind == "U":
-            return [str(name) for name in names]
-    return []
+def open_json_lines(path: Path) -> OpenedLog:
+    """Open a file with one JSON record a line.
+
+    Raises:
+        TrajectoryError: a line that is no record, and as `open_json`.
+    """
+    try:
+        check_size(path, 0, inflated=path.stat().st_size)
+        lines = path.read_text(encoding="utf-8-sig").split("\n")
+    except UnicodeDecodeError:
+        raise TrajectoryError(f"{path}: {NOT_UTF_8}") from None
+    except OSError as problem:
+        raise TrajectoryError(f"{path}: cannot be read: {problem.strerror}") from None
+    records = [_record(path, n, line) for n, line in enumerate(lines, 1) if line.strip()]
+    if not records:
+        raise TrajectoryError(f"{path}: has no records")
+    return _mapping_opened(path, _by_key(records))
 
 
-def _arrays(prefix: str, content: Mapping[str, Any]) -> Iterator[tuple[str, NDArray[Any]]]:
-    """Yield arrays of numbers from nested mappings and lists of mappings; None is NaN."""
+def _record(path: Path, number: int, line: str) -> dict[str, Any]:
+    """The mapping that a line of a file holds."""
+    try:
+        record = json.loads(line)
+        if isinstance(record, dict):
+            return record
+        reason = "no names with values, as in {...}"
+    except (ValueError, RecursionError) as problem:
+        reason = " ".join(str(problem).split())[:200]
+    raise TrajectoryError(
+        f"{path}: line {number} cannot be read as a JSON record ({reason}); if the log was cut "
+        "off there, leave the line out"
+    )
+
+
+def _mapping_opened(path: Path, content: Mapping[str, Any]) -> OpenedLog:
+    leaves = dict(_leaves("", content))
+    return _arrays_opened(path, dict(_arrays(leaves)), _joint_names(path, leaves))
+
+
+def _is_records(value: Any) -> bool:
+    return isinstance(value, list) and bool(value) and all(isinstance(x, dict) for x in value)
+
+
+def _by_key(records: Sequence[Mapping[str, Any]]) -> dict[str, list[Any]]:
+    """Key -> its values in all records, None where it is missing."""
+    keys = dict.fromkeys(key for record in records for key in record)
+    return {key: [record.get(key) for record in records] for key in keys}
+
+
+def _leaves(prefix: str, content: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
+    """Yield all values that are no mappings, nor lists of mappings, by their dotted keys."""
     for name, value in content.items():
-        first = value[0] if isinstance(value, list) and value else None
-        if isinstance(value, dict):
-            yield from _arrays(f"{prefix}{name}.", value)
+        inner = _by_key(value) if _is_records(value) else value
+        if isinstance(inner, dict):
+            yield from _leaves(f"{prefix}{name}.", inner)
+        else:
+            yield f"{prefix}{name}", value
+
+
+def _joint_names(path: Path, leaves: Mapping[str, Any]) -> dict[str, list[str]]:
+    """Prefix of keys -> the joints' names there, one list or the same one in every record."""
+    found: dict[str, list[str]] = {}
+    for key, value in leaves.items():
+        prefix, _, last = key.rpartition(".")
+        lists = value if isinstance(value, list) and value and isinstance(value[0], list) else None
+        if last not in _NAMES:
             continue
-        if isinstance(first, dict) and all(isinstance(record, dict) for record in value):
-            rows = {key: [record.get(key) for record in value] for key in first}
-            yield from _arrays(f"{prefix}{name}.", rows)
+        names = np.asarray(lists[0] if lists else value)
+        if names.ndim != 1 or names.dtype.kind != "U":
             continue
+        changed = [i for i, row in enumerate(lists or (), 1) if row != value[0]]
+        if changed:
+            raise TrajectoryError(
+                f"{path}: the names of joints in {key}, or their order, change at record "
+                f"{changed[0]}; log the same joints in every record"
+            )
+        found[prefix] = [str(name) for name in names]
+    return found
+
+
+def _arrays(leaves: Mapping[str, Any]) -> Iterator[tuple[str, NDArray[Any]]]:
+    """Yield arrays of numbers; None is NaN."""
+    for name, value in leaves.items():
         try:
             array = np.asarray(value)
             if array.dtype == object:  # None beside numbers
@@ -188,11 +251,13 @@ def _arrays(prefix: str, content: Mapping[str, Any]) -> Iterator[tuple[str, NDAr
         except (ValueError, TypeError, OverflowError):  # rows of several lengths, texts
             continue
         if array.dtype.kind in "iufb" and array.ndim in (1, 2):
-            yield f"{prefix}{name}", array
+            yield name, array
 
 
 def _arrays_opened(
-    path: Path, arrays: Mapping[str, NDArray[Any]], names: Sequence[str] = ()
+    path: Path,
+    arrays: Mapping[str, NDArray[Any]],
+    names: Mapping[str, Sequence[str]] = MappingProxyType({}),
 ) -> OpenedLog:
     """The log of the arrays with as many rows, or columns, as most have."""
     sizes = [max(x.shape) for x in arrays.values() if max(x.shape) >= FEWEST]
@@ -204,7 +269,8 @@ def _arrays_opened(
         elif values.ndim == 2 and count in values.shape:
             each = values if values.shape[1] == count else values.T
             numbers = [f"{name}_{i}" for i in range(1, len(each) + 1)]
-            own = [f"{joint}/{name}" for joint in names]
+            prefix, dot, last = name.rpartition(".")
+            own = [f"{prefix}{dot}{joint}/{last}" for joint in names.get(prefix, ())]
             columns |= zip(own if len(own) == len(each) else numbers, each, strict=True)
     if not columns:
         raise TrajectoryError(f"{path}: holds no arrays of numbers")

@@ -26,7 +26,13 @@ from pinfric.motions.log.columns import (
     read_mapping,
 )
 from pinfric.motions.log.csv_file import open_csv
-from pinfric.motions.log.files import open_json, open_matlab, open_numpy, open_parquet
+from pinfric.motions.log.files import (
+    open_json,
+    open_json_lines,
+    open_matlab,
+    open_numpy,
+    open_parquet,
+)
 from pinfric.motions.log.frame import Log, LogFrame, OpenedLog, Remarks
 from pinfric.motions.log.motion import Samples, regularise, smooth, unwrapped
 from pinfric.motions.log.reading import ANGLE_UNITS, Reading, ReadingOptions, Thinning
@@ -44,7 +50,8 @@ from pinfric.motions.table import TrajectoryTable, mismatch_warnings
 
 #: Endings of the files that are read here; a bag may be a folder, too.
 SUFFIXES = (
-    *(".csv", ".tsv", ".txt", ".csv.gz", ".parquet", ".mat", ".npz", ".json"),
+    *(".csv", ".tsv", ".txt", ".csv.gz", ".parquet", ".mat", ".npz"),
+    *(".json", ".jsonl", ".ndjson"),
     *(".db3", ".mcap", ".bag"),
 )
 #: How files of arrays are opened; all others are text or bags.
@@ -53,6 +60,8 @@ _OPENED = {
     ".mat": open_matlab,
     ".npz": open_numpy,
     ".json": open_json,
+    ".jsonl": open_json_lines,
+    ".ndjson": open_json_lines,
 }
 #: Endings of files that are not read -> what they are, and what makes a log of them.
 _CONVERTED = {

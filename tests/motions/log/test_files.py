@@ -160,6 +160,72 @@ def test_json_and_numpy_files(content, tmp_path):
             assert "\n" not in str(e.value)
 
 
+NAMED = [
+    {
+        "header": {"stamp": {"sec": 1_700_000_000 + int(t), "nanosec": round(t % 1 * 1e9)}},
+        "name": ["arm_lift", "base_turn"],
+        "position": [b, a],
+        "effort": [1.0, 2.0],
+    }
+    for t, (a, b) in zip(T.tolist(), Q.tolist(), strict=True)
+]
+PLAIN_RECORDS = [
+    {"t": r["time"], "q": [r[n]["position"] for n in r if n != "time"]} for r in RECORDS
+]
+
+
+def lines_of(records):
+    return "".join(json.dumps(record) + "\n" for record in records)
+
+
+@pytest.mark.parametrize("ending", [".jsonl", ".ndjson"])
+@pytest.mark.parametrize("records", [RECORDS, PLAIN_RECORDS, NAMED])
+def test_json_lines(records, ending, tmp_path):
+    path = tmp_path / f"log{ending}"
+    path.write_text("\ufeff" + lines_of(records).replace("}\n", "}\n\n", 1))
+    motion = pf.load_trajectory(path, arm())
+    assert_allclose(motion.q, Q, atol=1e-12)
+    assert_allclose(motion.t, T, atol=1e-9)
+    if records is NAMED:
+        assert_array_equal(motion.reading.effort["base_turn"], 2.0)
+
+
+def test_json_lines_that_cannot_be_a_log(tmp_path):
+    path = tmp_path / "log.jsonl"
+    turned = [*NAMED[:7], NAMED[7] | {"name": ["base_turn", "arm_lift"]}, *NAMED[8:]]
+    without = [{key: x for key, x in record.items() if key != "arm_lift"} for record in RECORDS]
+    rows, whole = lines_of(RECORDS), lines_of(PLAIN_RECORDS)
+    again = lines_of([*RECORDS[:200], *RECORDS[:200]])
+    for text, says in (
+        (whole[: whole.index("\n", 5000) + 9], "line 85 cannot be read as a JSON record"),
+        (whole.replace("}\n", "\n", 1), "line 1 cannot be read"),
+        ("[1, 2]\n" + whole, "line 1 cannot be read as a JSON record .no names with values"),
+        ("\n", "has no records"),
+        (lines_of([{"a": "text"}]), "holds no arrays of numbers"),
+        (lines_of(turned), "the names of joints in name, or their order, change at record 8;"),
+        (lines_of(without), "joints without a column: arm_lift"),
+        (rows.replace("base_turn", "turn"), "joints without a column: base_turn"),
+        (again, "at line 201"),
+    ):
+        path.write_text(text)
+        with pytest.raises(TrajectoryError, match=rf"log\.jsonl: .*{says}") as caught:
+            pf.load_trajectory(path, arm())
+        assert "\n" not in str(caught.value)
+    path.write_bytes(b"\xff\xfe{}\n")
+    with pytest.raises(TrajectoryError, match="not a text file in UTF-8"):
+        pf.load_trajectory(path, arm())
+
+
+def test_names_beside_nested_values_say_the_joints(tmp_path):
+    path = tmp_path / "log.json"
+    nested = [
+        {"stamp": r["time"], "msg": {k: n[k] for k in ("name", "position")}}
+        for r, n in zip(RECORDS, NAMED, strict=True)
+    ]
+    path.write_text(json.dumps(nested))
+    assert_allclose(pf.load_trajectory(path, arm()).q, Q, atol=1e-12)
+
+
 def test_lists_of_parquet_files_are_columns(tmp_path):
     """As LeRobot records: `observation.state` of all joints, and what was asked of them."""
     import pandas as pd
