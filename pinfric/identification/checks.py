@@ -107,12 +107,7 @@ def gravity_scales(
     """
     from scipy.special import stdtrit
 
-    model, P = scene.model, delivery(scene.drives, scene.model.nv)
-    data, parts, scales = model.createData(), [], {}
-    for prepared in logs:
-        q = prepared.recording.trajectory.q[prepared.kept]
-        gravity = np.array([pin.computeGeneralizedGravity(model, data, x) for x in q])
-        parts.append(gravity.reshape(len(q), -1) @ P.T if P.size else gravity.reshape(len(q), -1))
+    parts, scales = gravity_efforts(scene.model, scene, logs), {}
     losses = GEARS["motor", "both"]
     for j, own in enumerate(rows):
         if own.effort.size < _FEWEST:
@@ -132,6 +127,17 @@ def gravity_scales(
             if reach < _UNKNOWN:
                 scales[j] = scale, reach
     return scales
+
+
+def gravity_efforts(model: pin.Model, scene: Scene, logs: Sequence[Prepared]) -> list[FloatArray]:
+    """Return of each log the drives' efforts (n, nj) that hold a model, perhaps not the scene's."""
+    data, P, parts = model.createData(), delivery(scene.drives, model.nv), []
+    for prepared in logs:
+        q = prepared.recording.trajectory.q[prepared.kept]
+        gravity = np.array([pin.computeGeneralizedGravity(model, data, x) for x in q])
+        gravity = gravity.reshape(len(q), -1)
+        parts.append(gravity @ P.T if P.size else gravity)
+    return parts
 
 
 def holds_no_gravity(scales: Mapping[int, tuple[float, float]]) -> bool:
@@ -156,9 +162,9 @@ def check_gravity(
             problems.append(
                 f"joint {name}: its effort holds {scale:.3g} +- {reach:.2g} times the gravity of "
                 "the URDF's masses, which --inertia keep holds fixed: are its unit, gear ratio, or "
-                "the masses wrong, or is it balanced by a spring? Give the factor to N m by "
-                f"--gain {name}=FACTOR ({name}=1 if it is in N m), or let masses be corrected: "
-                "--inertia consistent"
+                "the masses wrong, is the base tilted, or is it balanced by a spring? Give the "
+                f"factor to N m by --gain {name}=FACTOR ({name}=1 if it is in N m), or let masses "
+                "be corrected: --inertia consistent"
             )
     if problems:
         raise IdentificationError(problems_line(scene.source, problems))

@@ -21,6 +21,7 @@ from pinfric.identification.parameters import Parameter
 from pinfric.identification.recordings import stick_velocity
 from pinfric.identification.rest import BreakAway, RestBound
 from pinfric.identification.scales import effort_scales
+from pinfric.identification.tilt import base_tilt
 from pinfric.model.arrays import FloatArray
 from pinfric.motions.log.effort_place import place_note
 from pinfric.motions.summary import effort_unit
@@ -142,7 +143,12 @@ def notes(
     }
     clear, slight = ([x for x in shapes if (x.share > _SLIGHT) is named] for named in (True, False))
     lines += _misfits(estimate, slight)
-    doubts = _by_joint(contradicting) + _misfits(estimate, clear) + _uneven(estimate, uneven)
+    doubts = (
+        _tilt(estimate)
+        + _by_joint(contradicting)
+        + _misfits(estimate, clear)
+        + _uneven(estimate, uneven)
+    )
     doubts += _delays(estimate) + _scales(estimate, {x.joint for x in clear})
     if estimate.question.no_gravity:
         doubts.append(
@@ -278,6 +284,20 @@ def _of_logs(estimate: Estimate) -> list[str]:
         ]
         lines.append(f"delay of the efforts from each log, with standard error: {', '.join(each)}")
     return lines
+
+
+def _tilt(estimate: Estimate) -> list[str]:
+    """That the base is mounted at another angle."""
+    tilt = base_tilt(estimate)
+    if tilt is None or not tilt.doubted:
+        return []
+    angle, error = np.degrees([tilt.angle, 1.96 * tilt.standard_error])
+    gravity = ", ".join(f"{g:.2f}" for g in tilt.gravity)
+    return [
+        f"the base is tilted by {angle:.1f} +- {error:.1f} degrees against the scene's gravity, by "
+        f"all efforts together: mount it level, or write `robot: {{gravity: [{gravity}]}}` (m/s^2 "
+        "in the base's frame)"
+    ]
 
 
 def _scales(estimate: Estimate, misfit: Set[int]) -> list[str]:
