@@ -21,6 +21,7 @@ from pinfric.errors import TrajectoryError, choose_from
 from pinfric.model.entry import Entry, Forms, Number, Positive, key, optional, parse
 from pinfric.model.yamlfile import brief, cut, read_yaml
 from pinfric.motions.joint_columns import JointColumn, listing
+from pinfric.motions.log.episodes import EPISODES
 from pinfric.motions.log.frame import Remarks
 
 PAYLOAD = "payload."
@@ -106,12 +107,15 @@ class TimeMapping(Entry):
 
 
 class ColumnsFile(Entry):
-    """A mapping file: time, and per joint a column's name or more."""
+    """A mapping file: time, recording, and per joint a column's name or more."""
 
     time: Annotated[str | TimeMapping, Forms(str, TimeMapping)] | None = optional(
         "its column", {"column": "stamp", "unit": "us"}
     )
     unit: Literal["rad", "deg"] | None = optional("of all logged angles", "deg")
+    episode: int | None = optional(
+        "number of the recording that is read, where the column `episode_index` has several", 3
+    )
     joints: dict[str, Annotated[str | JointMapping, Forms(str, JointMapping)]] = key(
         "by joint: its position column, or more keys",
         {"elbow": {"position": "J3", "unit": "deg", "sign": -1}, "wrist": "J4"},
@@ -209,7 +213,7 @@ def find_columns(
                 )
         elif meaning is not None and not _WANTED.search(column):
             claims.setdefault(meaning, []).append(column)
-        elif not (_TIME.match(column) or column.endswith(_COMPUTED)):
+        elif not (_TIME.match(column) or column in EPISODES or column.endswith(_COMPUTED)):
             columns.ignored.append(column)
     _find_time(header, first, mapping, columns, problems)
     named = {c for c, cell in zip(header, first, strict=False) if cell in numbered.values()}

@@ -26,6 +26,7 @@ from pinfric.motions.log.columns import (
     read_mapping,
 )
 from pinfric.motions.log.csv_file import open_csv
+from pinfric.motions.log.episodes import one_episode
 from pinfric.motions.log.files import (
     open_json,
     open_json_lines,
@@ -114,6 +115,7 @@ def read_log(
     else:
         name, log = str(source), _open(source, joints)
         mapping = read_mapping(source, options.columns)
+    log = one_episode(log, mapping.episode if mapping else None, said)
     said.notes += log.notes
     columns = find_columns(log.header, log.first, joints, payloads, mapping, said, options.currents)
     columns.effort = {x: use for x, use in columns.effort.items() if x not in options.without}

@@ -239,6 +239,71 @@ def test_lists_of_parquet_files_are_columns(tmp_path):
     assert "'frame_index', 'action_0', 'action_1'" in "\n".join(motion.warnings)
 
 
+def episodes(file, numbers, joints=2, **columns):
+    """A file of LeRobot 3.0 with a recording for each number, each from 0 s on."""
+    import pandas as pd
+
+    count = len(numbers)
+    number = np.repeat(numbers, len(T))
+    signs = np.repeat((-1.0) ** np.arange(count), len(T))
+    state = (signs[:, None] * np.tile(Q, (count, 1))).astype(np.float32)
+    rows = {
+        "observation.state": list(state[:, :joints]),
+        "action": list(-state[:, :joints]),
+        "timestamp": np.tile(T, count).astype(np.float32),
+        "frame_index": np.tile(np.arange(len(T)), count),
+        "episode_index": number,
+        "index": np.arange(number.size),
+        "task_index": np.zeros(number.size, dtype=int),
+    }
+    pd.DataFrame(rows | columns).to_parquet(file)
+    return file
+
+
+def test_one_episode_of_a_file_is_a_log(tmp_path):
+    file = episodes(tmp_path / "log.parquet", (3, 4, 5))
+    with pytest.raises(
+        TrajectoryError, match=r"has 3 recordings .*3, 4, 5.*`episode: 3`"
+    ) as caught:
+        pf.load_trajectory(file, arm())
+    assert "\n" not in str(caught.value)
+    mapping = tmp_path / "log.columns.yaml"
+    for number, sign in ((3, 1.0), (4, -1.0), (5, 1.0)):
+        mapping.write_text(f"episode: {number}")
+        motion = pf.load_trajectory(file, arm())
+        assert_allclose(motion.q, sign * Q, atol=1e-6)
+        assert_allclose(motion.t, T, atol=1e-6)
+        assert f"recording {number} of 3" in motion.warnings
+        assert "episode" not in "".join(motion.warnings)
+    mapping.unlink()
+    assert_allclose(pf.load_trajectory(episodes(file, (7,)), arm()).q, Q, atol=1e-6)
+
+
+def test_episodes_that_are_no_log(tmp_path):
+    file, mapping = tmp_path / "log.parquet", tmp_path / "log.columns.yaml"
+    mixed = np.where(np.arange(len(T)) % 2, 0, 1)
+    for numbers, chosen, change, says in (
+        ((0, 1), 2, {}, "columns: episode: there is no 2; there are 0, 1"),
+        ((0, 1, 0), 0, {}, "0 is there again from line 801 on"),
+        ((0, 1), 0, {"episode_index": np.tile(mixed, 2)}, "0 is there again from line 4 on"),
+        ((0, 1), None, {"episode_index": np.tile(mixed, 2)}, "has 2 recordings"),
+        ((0, 0), None, {}, "at line 401"),
+        ((0, 0), 0, {}, "at line 401"),
+        ((0, 1), 1, {"timestamp": np.r_[T, 0 * T]}, "at line 40[0-9]"),
+        ((0, 1), 1, {"episode_index": [None] * 99 + [1] * 701}, "column episode_index"),
+        ((0, 1), 1, {"joints": 1}, "no column is a joint of the scene"),
+    ):
+        mapping.write_text("{}" if chosen is None else f"episode: {chosen}")
+        episodes(file, numbers, **change)
+        with pytest.raises(TrajectoryError, match=rf"log\.parquet: .*{says}") as caught:
+            pf.load_trajectory(file, arm())
+        assert "\n" not in str(caught.value)
+    (tmp_path / "plain.columns.yaml").write_text("episode: 1")
+    (tmp_path / "plain.csv").write_text(PLAIN)
+    with pytest.raises(TrajectoryError, match="episode: the log has no column episode_index"):
+        pf.load_trajectory(tmp_path / "plain.csv", arm())
+
+
 def test_parquet(tmp_path):
     import pandas as pd
 
