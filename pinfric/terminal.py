@@ -90,7 +90,7 @@ _LOG_OPTIONS = {
     ],
     "unit": Annotated[
         str | None,
-        option("Unit of a log's angles; by default recognised.", "rad|deg", "--unit"),
+        option("Unit of a log's angles; by default recognised.", "rad|deg|turn", "--unit"),
     ],
     "time_unit": Annotated[
         str | None,

@@ -77,7 +77,7 @@ def test_a_cutoff_is_set_or_forbidden_on_every_command(log, capsys):
 
 def test_units_that_there_are_not(log, capsys):
     err = refused(capsys, "inverse", "ur10.yaml", log, "--unit", "grad")
-    assert err == "pinfric: error: --unit grad: did you mean 'rad'? there are: rad, deg\n"
+    assert err == "pinfric: error: --unit grad: did you mean 'rad'? there are: rad, deg, turn\n"
 
 
 @pytest.mark.filterwarnings("ignore:.*(filtered at|left out)")

@@ -34,6 +34,7 @@ _WORDS = {
     "current": ("current", "currents", "amps"),
 }
 _QUANTITY = {word: quantity for quantity, words in _WORDS.items() for word in words}
+_QUANTITY |= {"pos_estimate": "position", "vel_estimate": "velocity", "torque_estimate": "effort"}
 #: Units in brackets that imply a quantity, without blanks and dots.
 _UNITS = {
     "nm": "effort",
@@ -45,8 +46,31 @@ _UNITS = {
     "rad/s^2": "acceleration",
     "rad/s2": "acceleration",
     "rad/s²": "acceleration",
+    "turn": "position",
+    "turns": "position",
+    "rev": "position",
+    "turn/s": "velocity",
+    "turns/s": "velocity",
+    "rev/s": "velocity",
 }
 _UNIT = re.compile(r"[ _]*[\[(]\s*([^\])]*[^\])\d][^\])]*)[\])]$")
+#: The unit at the end of an angle's or angular velocity's name; `base_turn` is a name.
+_ANGLE = re.compile(
+    r"[\[(_ /](deg|rad)(?:rees|ians)?(?:/s|_s)?[\])]?$|[\[(](turn|rev)s?(?:/s)?[\])]$",
+    re.IGNORECASE,
+)
+#: What loggers of robots and drives call columns that number the joints -> in our words: ODrive's
+#: odrivetool and ROS 2 node.
+_DIALECTS = (
+    (
+        re.compile(
+            r"(?:odrv0\.|/?odrive_)?axis(\d+)[./]"
+            r"(?:encoder\.|motor\.|controller_status/)?(pos|vel|torque)_estimate"
+        ),
+        r"joint_\2_\1",
+    ),
+)
+_ODRIVE = re.compile(r"(?:^|[./])pos_estimate$", re.IGNORECASE)
 #: Words beside the quantity in names of columns that only number the joints: `actual_q_0`,
 #: `j1_rad`, `observation.state_0`; of `A1` the word is no acceleration, but an axis.
 _FILLERS = {"actual", "measured", "joint", "joints", "axis", "state", "states", "j", "observation"}
@@ -87,7 +111,7 @@ class JointMapping(Entry):
     )
     sign: Literal[-1, 1] = key("-1 if the log counts in the other direction", -1, "1", default=1)
     offset: Number = key("of the position", 1.5707963, "rad or m", default=0.0)
-    unit: Literal["rad", "deg"] | None = optional("of the logged angle", "deg")
+    unit: Literal["rad", "deg", "turn"] | None = optional("of the logged angle", "deg")
 
 
 class TimeMapping(Entry):
@@ -112,7 +136,7 @@ class ColumnsFile(Entry):
     time: Annotated[str | TimeMapping, Forms(str, TimeMapping)] | None = optional(
         "its column", {"column": "stamp", "unit": "us"}
     )
-    unit: Literal["rad", "deg"] | None = optional("of all logged angles", "deg")
+    unit: Literal["rad", "deg", "turn"] | None = optional("of all logged angles", "deg")
     episode: int | None = optional(
         "number of the recording that is read, where the column `episode_index` has several", 3
     )
@@ -138,7 +162,7 @@ class Columns:
     """What the columns of a log are; joints by name.
 
     `planned`: velocities and accelerations count (`<joint>.v`, `.a` of our own files); measured
-    ones are only compared.
+    ones are only compared. `unclear`: what is wrong where nobody states the angles' unit.
     """
 
     time: str = ""
@@ -153,6 +177,7 @@ class Columns:
     planned: bool = True
     payloads: list[str] = field(default_factory=list)
     ignored: list[str] = field(default_factory=list)
+    unclear: str = ""
 
     def used(self) -> list[str]:
         """Every column that is read, time first."""
@@ -222,6 +247,13 @@ def find_columns(
     if not columns.position and not any(quantity == "position" for _, quantity in claims):
         _take_in_order(header, names, claims, said, currents)
     _settle(claims, columns, problems, currents)
+    turned = [use.column for use in columns.position.values() if _ODRIVE.search(use.column)]
+    if any(use.unit is None for use in columns.position.values() if use.column in turned):
+        columns.unclear = (
+            f"columns {listing(turned)} may be in turns of ODrives' motors: give --unit turn where "
+            "the joints turn with them, else `{unit: turn, scale: 1/RATIO}` by joint in a file "
+            "given by --columns; --unit rad takes them as they are"
+        )
     used = {*columns.used(), *named}
     columns.ignored = [column for column in dict.fromkeys(columns.ignored) if column not in used]
     for name in columns.used():
@@ -290,7 +322,10 @@ def _take_in_order(
 
 
 def _in_words(column: str) -> str:
-    """Return a column's name with the quantity in place of a unit: tau [Nm]."""
+    """Return a column's name with the quantity in place of a unit: tau [Nm]; see `_DIALECTS`."""
+    for pattern, words in _DIALECTS:
+        if match := pattern.fullmatch(column):
+            return match.expand(words)
     unit = _UNIT.search(column)
     meant = _UNITS.get(re.sub(r"[ ·*.]", "", unit[1]).lower()) if unit else None
     return f"{column[: unit.start()]}/{meant}" if unit and meant else column
@@ -438,8 +473,9 @@ def _settle(
             else:
                 result.ignored.append(chosen[0])  # a current is an effort only with a gain
             continue
-        unit = re.search(r"(?:[\[(_ /])(deg|rad)(?:rees|ians)?(?:/s|_s)?[\])]?$", chosen[0], re.I)
-        known = unit[1].lower() if unit and quantity != "effort" else None
+        unit = _ANGLE.search(chosen[0])
+        word = next(x for x in unit.groups() if x).lower() if unit and quantity != "effort" else ""
+        known = {"rev": "turn"}.get(word, word) or None
         getattr(result, quantity)[joint] = Use(chosen[0], unit=known)
         result.by_header |= known is not None and quantity == "position"
         if quantity in ("velocity", "acceleration") and not exact:

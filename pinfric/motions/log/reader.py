@@ -121,6 +121,8 @@ def read_log(
     columns.effort = {x: use for x, use in columns.effort.items() if x not in options.without}
     columns.time_unit = options.time_unit or columns.time_unit or log.units.get(columns.time)
     options = replace(options, unit=options.unit or (mapping.unit if mapping else None))
+    if columns.unclear and not options.unit:
+        said.problems.append(columns.unclear)
     named = choose(list(columns.position), said.problems)
     missing = [column.name for column in named if column.name not in columns.position]
     others = listing(map(brief, columns.ignored))

@@ -14,7 +14,7 @@ from pinfric.model.csv_text import number_of
 from pinfric.motions.log.noise import low_pass
 
 #: rad per unit of angle, s per unit of time.
-ANGLE_UNITS = {"rad": 1.0, "deg": np.pi / 180.0}
+ANGLE_UNITS = {"rad": 1.0, "deg": np.pi / 180.0, "turn": 2.0 * np.pi}
 TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 
 
@@ -54,7 +54,7 @@ class ReadingOptions:
 
     Args:
         columns: file that maps joints to columns; None takes LOG.columns.yaml beside the log.
-        unit: of angles, "rad" or "deg". time_unit: "s", "ms", "us" or "ns".
+        unit: of angles, "rad", "deg" or "turn". time_unit: "s", "ms", "us" or "ns".
         cutoff: Hz of the low pass on every joint, or "none": positions are taken as they are.
         thinning: which samples of a filtered recording are kept; None keeps all.
         currents: joints whose current, where no effort is logged, is read as their effort.

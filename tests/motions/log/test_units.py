@@ -130,6 +130,48 @@ def test_velocities_have_the_unit_of_their_own_header(tmp_path):
     assert "base_turn 57 [57, 57], arm_lift 57 [57, 57]" in said
 
 
+TURN = 2.0 * np.pi
+ODRIVES = (
+    [f"axis{i}.encoder.{kind}_estimate" for kind in ("pos", "vel") for i in (0, 1)],
+    [f"odrv0.axis{i}.{kind}_estimate" for kind in ("pos", "vel") for i in (0, 1)],
+    [f"/odrive_axis{i}/controller_status/{k}_estimate" for k in ("pos", "vel") for i in (0, 1)],
+    [f"{joint}/{kind}_estimate" for kind in ("pos", "vel") for joint in NAMES],
+)
+
+
+@pytest.mark.parametrize("columns", ODRIVES)
+def test_turns_of_an_odrive(columns, tmp_path):
+    torque = columns[0].replace("encoder", "motor").replace("pos", "torque")
+    header = ("t", *columns, torque, torque.replace("axis0", "axis1").replace(*NAMES))
+    text = table(header, T, Q / TURN, V / TURN, 7.0 * Q)
+    motion = load(tmp_path, text, unit="turn")
+    assert_allclose(motion.q, Q, atol=1e-9)
+    assert_allclose(motion.reading.effort["arm_lift"], 7.0 * Q[:, 1], atol=1e-8)
+    assert "not used" not in "".join(motion.warnings)
+    assert "may be in turns of ODrives' motors: give --unit turn" in refused(tmp_path, text)
+    assert_allclose(load(tmp_path, text, unit="rad").q, Q / TURN, atol=1e-9)
+    wrong = table(header, T, Q / TURN, V, Q)
+    assert "logged velocities are a multiple" in refused(tmp_path, wrong, unit="turn")
+
+
+def test_turns_before_a_gear_and_by_header(tmp_path):
+    pairs = zip(NAMES, ODRIVES[0], ODRIVES[0][2:], strict=False)
+    (tmp_path / "gear.yaml").write_text(
+        "joints:\n"
+        + "".join(
+            f"  {name}: {{position: {q}, velocity: {v}, unit: turn, scale: 0.125}}\n"
+            for name, q, v in pairs
+        )
+    )
+    text = table(("t", *ODRIVES[0]), T, 8.0 * Q / TURN, 8.0 * V / TURN)
+    assert_allclose(load(tmp_path, text, columns=tmp_path / "gear.yaml").q, Q, atol=1e-9)
+    header = [f"{n} [{unit}]" for unit in ("turns", "rev/s") for n in NAMES]
+    motion = load(tmp_path, table(("t", *header), T, Q / TURN, V / TURN))
+    assert_allclose(motion.q, Q, atol=1e-9)
+    assert not motion.warnings
+    assert "are a multiple" in refused(tmp_path, table(("t", *header), T, Q / TURN, V))
+
+
 @pytest.mark.parametrize(
     ("clock", "factors", "noise", "named"),
     [
