@@ -60,7 +60,7 @@ _ANGLE = re.compile(
     re.IGNORECASE,
 )
 #: What loggers of robots and drives call columns that number the joints -> in our words: ODrive's
-#: odrivetool and ROS 2 node.
+#: odrivetool and ROS 2 node; KUKA's RSI, which sends actual positions of axes in degrees.
 _DIALECTS = (
     (
         re.compile(
@@ -69,7 +69,13 @@ _DIALECTS = (
         ),
         r"joint_\2_\1",
     ),
+    (re.compile(r"(?:\w+\.)?AIPos\.A(\d)"), r"joint_position_\1"),
+    (re.compile(r"(?:\w+\.)?GearTorque\.A(\d)"), r"joint_effort_\1"),
+    (re.compile(r"(?:\w+\.)?MACur\.A(\d)", re.IGNORECASE), r"joint_current_\1"),
 )
+_KUKA_DEGREES = re.compile(r"(?:^|\.)AIPos\.A\d$")
+#: The counter of KUKA's interpolation cycles, in ms; a log may have that of the answer, too.
+_KUKA_MILLISECONDS = re.compile(r"(?:\w+\.)?IPOC", re.IGNORECASE)
 _ODRIVE = re.compile(r"(?:^|[./])pos_estimate$", re.IGNORECASE)
 #: Words beside the quantity in names of columns that only number the joints: `actual_q_0`,
 #: `j1_rad`, `observation.state_0`; of `A1` the word is no acceleration, but an axis.
@@ -238,7 +244,12 @@ def find_columns(
                 )
         elif meaning is not None and not _WANTED.search(column):
             claims.setdefault(meaning, []).append(column)
-        elif not (_TIME.match(column) or column in EPISODES or column.endswith(_COMPUTED)):
+        elif not (
+            _TIME.match(column)
+            or is_counter(column)
+            or column in EPISODES
+            or column.endswith(_COMPUTED)
+        ):
             columns.ignored.append(column)
     _find_time(header, first, mapping, columns, problems)
     named = {c for c, cell in zip(header, first, strict=False) if cell in numbered.values()}
@@ -321,6 +332,11 @@ def _take_in_order(
         )
 
 
+def is_counter(column: str) -> bool:
+    """Whether a column is a time since a controller started."""
+    return _KUKA_MILLISECONDS.fullmatch(column) is not None
+
+
 def _in_words(column: str) -> str:
     """Return a column's name with the quantity in place of a unit: tau [Nm]; see `_DIALECTS`."""
     for pattern, words in _DIALECTS:
@@ -394,6 +410,11 @@ def _find_time(
     stamped = dict(zip(header, first, strict=False)).get(_ROSTOPIC_STAMP, "0")
     if stamped.strip("0"):  # when it was measured; %time says when it was written
         candidates = [_ROSTOPIC_STAMP]
+    if counters := list(
+        filter(is_counter, header)
+    ):  # when the robot was there; a time beside it is that of the logger
+        columns.time, columns.time_unit = counters[0], "ms"
+        return
     stamps = {m[1][0].lower(): name for name in header if (m := _STAMP.search(name))}
     if len(candidates) > 1:
         problems.append(
@@ -475,6 +496,7 @@ def _settle(
             continue
         unit = _ANGLE.search(chosen[0])
         word = next(x for x in unit.groups() if x).lower() if unit and quantity != "effort" else ""
+        word = "deg" if _KUKA_DEGREES.search(chosen[0]) else word
         known = {"rev": "turn"}.get(word, word) or None
         getattr(result, quantity)[joint] = Use(chosen[0], unit=known)
         result.by_header |= known is not None and quantity == "position"

@@ -22,6 +22,7 @@ from pinfric.motions.log.columns import (
     Columns,
     Use,
     find_columns,
+    is_counter,
     meaning_of,
     read_mapping,
 )
@@ -362,7 +363,7 @@ def _seconds(
     if columns.nanoseconds is not None:
         return (t - t[0]) + 1e-9 * cells.column(columns.nanoseconds)
     factor = time_factor(columns.time, t, start, columns.time_unit, named, position, said)
-    if is_clock(start * factor):
+    if is_clock(start * factor) or is_counter(columns.time):
         said.notes.append(f"column {columns.time} is clock time: times count from its first row")
         t = t - t[0]
     return t if factor == 1.0 else t * factor

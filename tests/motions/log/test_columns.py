@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from log_cases import DIALECTS, NAMES, PLAIN, Q, T, V, arm, load, refused, table
+from log_cases import DIALECTS, NAMES, PLAIN, Q, T, V, arm, load, refused, swung, table
 from numpy.testing import assert_allclose
 
 import pinfric as pf
@@ -126,3 +126,49 @@ joints:
         )
     assert "there is no column 'J9'" in str(caught.value)
     assert "no joint 'arm_lft'" in str(caught.value)
+
+
+def rsi(t=T, q=Q, axes=2, first=123_645_634_560, prefix="", **others):
+    """A log of KUKA's RSI: telegrams of the robot every 4 ms, in degrees, as the loggers of PCs."""
+    tags = {
+        "AIPos": np.degrees(q),
+        "ASPos": np.degrees(-q),
+        "MACur": 9.0 * q,
+        "GearTorque": 7.0 * q,
+    }
+    columns = [(f"{prefix}{tag}.A{i + 1}", x[:, i]) for tag, x in tags.items() for i in range(axes)]
+    header = ("Timestamp", f"{prefix}RIst.X", *(name for name, _ in columns), f"{prefix}IPOC")
+    ipoc = first + 4 * np.arange(t.size)
+    rows = zip(ipoc, zip(*(x for _, x in columns), strict=True), strict=True)
+    lines = [f"30-11-2026 10:00:00.{i % 7},1,{','.join(map(repr, x))},{i}" for i, x in rows]
+    return "\n".join([",".join(header), *lines]).replace("np.float64(", "").replace(")", "")
+
+
+@pytest.mark.parametrize("prefix", ["", "Receive."])
+@pytest.mark.parametrize("first", [0, 123_645_634_560])
+def test_telegrams_of_kuka(prefix, first, tmp_path):
+    t = 0.004 * np.arange(T.size)
+    motion = load(tmp_path, rsi(q=swung(t), first=first, prefix=prefix))
+    assert_allclose(motion.t, t, atol=1e-9)
+    assert_allclose(motion.q, swung(t), atol=1e-9)
+    assert_allclose(motion.reading.effort["arm_lift"], 7.0 * swung(t)[:, 1], atol=1e-9)
+    said = "".join(motion.warnings)
+    assert f"columns {prefix}AIPos.A1 to {prefix}AIPos.A2 are read in the scene's order" in said
+    slow = 1e-3 * swung(t)  # which would be a motion in radians, too
+    assert "degrees" in refused(tmp_path, rsi(q=slow))
+    assert_allclose(load(tmp_path, rsi(q=slow), unit="deg").q, slow, atol=1e-9)
+
+
+def test_telegrams_of_kuka_that_are_no_log(tmp_path):
+    whole = rsi(q=swung(0.004 * np.arange(T.size)))
+    lines = whole.split("\n")
+    for text, says in (
+        ("\n".join(lines[:201] + lines[1:200]), "at line 202"),
+        (rsi(axes=1), "no column is a joint of the scene"),
+        (lines[0], "has a header and no samples"),
+        (whole.replace("AIPos", "X"), "has current and effort of the joints, but no positions"),
+        (whole.replace("IPOC", "Delay"), "times are seconds"),
+    ):
+        said = refused(tmp_path, text)
+        assert says in said
+        assert "\n" not in said
