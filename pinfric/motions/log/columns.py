@@ -60,7 +60,8 @@ _ANGLE = re.compile(
     re.IGNORECASE,
 )
 #: What loggers of robots and drives call columns that number the joints -> in our words: ODrive's
-#: odrivetool and ROS 2 node; KUKA's RSI, which sends actual positions of axes in degrees.
+#: odrivetool and ROS 2 node; KUKA's RSI, which sends actual positions of axes in degrees;
+#: PlotJuggler's exports of Unitree's LowState.
 _DIALECTS = (
     (
         re.compile(
@@ -69,10 +70,32 @@ _DIALECTS = (
         ),
         r"joint_\2_\1",
     ),
+    (
+        re.compile(r"(?:.*[/.])?motor_state(?:\[|\.)(\d+)\]?[/.](q|dq|tau)(?:_est)?"),
+        r"joint_\2_\1",
+    ),
     (re.compile(r"(?:\w+\.)?AIPos\.A(\d)"), r"joint_position_\1"),
     (re.compile(r"(?:\w+\.)?GearTorque\.A(\d)"), r"joint_effort_\1"),
     (re.compile(r"(?:\w+\.)?MACur\.A(\d)", re.IGNORECASE), r"joint_current_\1"),
 )
+_MOTOR_STATE = re.compile(r"(?:^|[/.])motor_state[\[.]\d")
+#: The order of Unitree's motors, which is not that of all its URDFs: of quadrupeds, and of the G1.
+_QUADRUPED = tuple(
+    f"{leg}_{part}_joint" for leg in ("FR", "FL", "RR", "RL") for part in ("hip", "thigh", "calf")
+)
+_LEG = "hip_pitch", "hip_roll", "hip_yaw", "knee", "ankle_pitch", "ankle_roll"
+_ARM = (
+    *("shoulder_pitch", "shoulder_roll", "shoulder_yaw", "elbow"),
+    *("wrist_roll", "wrist_pitch", "wrist_yaw"),
+)
+_G1 = (
+    *(f"{side}_{part}_joint" for side in ("left", "right") for part in _LEG),
+    *("waist_yaw_joint", "waist_roll_joint", "waist_pitch_joint"),
+    *(f"{side}_{part}_joint" for side in ("left", "right") for part in _ARM),
+)
+_WAIST = "waist_yaw_joint"
+#: Parts of joints' names of robots whose motors may have another order than the scene.
+_LEGGED = re.compile(r"left|right|hip|knee|thigh|calf", re.IGNORECASE)
 _KUKA_DEGREES = re.compile(r"(?:^|\.)AIPos\.A\d$")
 #: The counter of KUKA's interpolation cycles, in ms; a log may have that of the answer, too.
 _KUKA_MILLISECONDS = re.compile(r"(?:\w+\.)?IPOC", re.IGNORECASE)
@@ -232,6 +255,9 @@ def find_columns(
         match = _NUMBERED.match(_marked(column[:_LONGEST_NAME]))
         if match and match[2].lower() == "name":
             numbered[next(x for x in match.groups()[2:] if x is not None)] = cell.strip()
+    if any(map(_MOTOR_STATE.search, header)) and (order := _unitree_order(names)):
+        numbered = {str(number): joint for number, joint in enumerate(order)}
+        said.notes.append(f"motors are numbered in Unitree's order: {listing(order)}")
     for column in dict.fromkeys(header):
         meaning = meaning_of(column, names, numbered)
         if column.startswith(PAYLOAD):
@@ -300,6 +326,7 @@ def _take_in_order(
         match = re.fullmatch(r"(\D*?)[_\[.]?(\d+)\]?(\D*)", _in_words(column[:_LONGEST_NAME]))
         if match and not _WANTED.search(column):
             groups.setdefault((match[1], match[3]), {})[int(match[2])] = column
+    legged = any(map(_LEGGED.search, names))  # Unitree's H1 has another order than its URDF
     for template, group in groups.items():
         words = [
             word.lower()
@@ -310,6 +337,7 @@ def _take_in_order(
         axes = template[0] == _AXIS
         kinds = {_QUANTITY[word] for word in words if word in _QUANTITY}
         known = all(word in _QUANTITY or word in _FILLERS for word in words)
+        known &= not (legged and any(map(_MOTOR_STATE.search, group.values())))
         numbers = sorted(group)
         if (
             not known
@@ -330,6 +358,15 @@ def _take_in_order(
             f"columns {ordered[0]} to {ordered[-1]} are read in the scene's order, "
             f"{names[0]} to {names[-1]}"
         )
+
+
+def _unitree_order(names: Sequence[str]) -> tuple[str, ...]:
+    """Return the joints in the order of a robot's motors; (): names do not tell which robot.
+
+    A G1 is told from other humanoids, whose motors have another order, by its waist.
+    """
+    orders = [_QUADRUPED, *([_G1] if _WAIST in names else [])]
+    return next((order for order in orders if set(names) <= set(order)), ())
 
 
 def is_counter(column: str) -> bool:

@@ -1,7 +1,9 @@
 """Columns of a log: joints by name and by number, mappings, currents."""
 
 import numpy as np
+import pinocchio as pin
 import pytest
+from builders import chain, lump
 from log_cases import DIALECTS, NAMES, PLAIN, Q, T, V, arm, load, refused, swung, table
 from numpy.testing import assert_allclose
 
@@ -172,3 +174,58 @@ def test_telegrams_of_kuka_that_are_no_log(tmp_path):
         said = refused(tmp_path, text)
         assert says in said
         assert "\n" not in said
+
+
+def lowstate(motors, rows):
+    """PlotJuggler's export of Unitree's LowState: motor -> (positions, velocities, torques)."""
+    header = ["__time", "/lowstate/tick"]
+    columns = [1_700_000_000 + rows, np.rint(1e3 * rows)]
+    for number, of_motor in motors.items():
+        of_motor = [0 * rows, *of_motor, of_motor[0] + 1.0, 30 + 0 * rows]
+        words = ("mode", "q", "dq", "tau_est", "q_raw", "temperature")
+        header += [f"/lowstate/motor_state[{number}]/{word}" for word in words]
+        columns += of_motor
+    return table(header, *columns, form="%.16g")
+
+
+def legs(*names):
+    """A tree of joints, each with a body, in this order."""
+    body = lump(2.0, [0.3, 0, 0], 0.02)
+    model = chain(*((name, pin.JointModelRY(), body) for name in names))
+    model.effortLimit[:], model.velocityLimit[:] = 100.0, 4.0
+    model.lowerPositionLimit[:], model.upperPositionLimit[:] = -2.0, 2.0
+    return pf.Scene(model=model)
+
+
+def test_motors_of_unitree_are_those_of_its_joints(tmp_path):
+    """A Go2's motors begin with FR, its URDF with FL; a G1 has 35 motors for 29 joints."""
+    scaled = {i: (Q[:, 0] / (i + 1), V[:, 0] / (i + 1), i * Q[:, 1]) for i in range(35)}
+    go2 = "FL_hip_joint", "FL_thigh_joint", "FR_hip_joint", "RL_calf_joint"
+    g1 = "left_knee_joint", "waist_yaw_joint", "right_wrist_yaw_joint", "left_elbow_joint"
+    for names, places, count in ((go2, (3, 4, 0, 11), 20), (g1, (3, 12, 28, 18), 35)):
+        text = lowstate({i: scaled[i] for i in range(count)}, T)
+        motion = load(tmp_path, text, scene=legs(*names))
+        for k, place in enumerate(places):
+            assert_allclose(motion.q[:, k], Q[:, 0] / (place + 1), atol=1e-9)
+            effort = motion.reading.effort[names[k]]
+            assert_allclose(effort, place * Q[:, 1], atol=1e-7)
+        assert any("numbered in Unitree's order" in line for line in motion.warnings)
+        gone = {i: scaled[i] for i in range(count) if i != places[1]}
+        with pytest.raises(TrajectoryError, match=f"joints without a column: {names[1]}"):
+            load(tmp_path, lowstate(gone, T), scene=legs(*names))
+
+
+def test_motors_of_others_are_taken_in_order_where_there_is_one(tmp_path):
+    motors = {i: (Q[:, i], V[:, i], 7.0 * Q[:, i]) for i in (0, 1)}
+    motion = load(tmp_path, lowstate(motors, T))
+    assert_allclose(motion.q, Q, atol=1e-9)
+    assert_allclose(motion.reading.effort["arm_lift"], 7.0 * Q[:, 1], atol=1e-8)
+    assert any("are read in the scene's order" in line for line in motion.warnings)
+    text = lowstate(motors, T)
+    with pytest.raises(TrajectoryError, match="no column is a joint of the scene"):
+        load(tmp_path, text, scene=legs("left_knee_joint", "left_elbow_joint"))
+    more = motors | {2: motors[0]}
+    assert "no column is a joint of the scene" in refused(tmp_path, lowstate(more, T))
+    lines = text.split("\n")
+    assert "at line 202" in refused(tmp_path, "\n".join([*lines[:201], *lines[1:200]]))
+    assert "no samples" in refused(tmp_path, lines[0][:200])
