@@ -92,9 +92,9 @@ def test_results_in_a_folder(files, capsys, command, reads, results):
             said = refused(capsys, *given)
             assert f"{file}: is there already; name another place, or replace it: --ov" in said
         file.unlink()
-        assert "is a file; name a folder" in refused(capsys, *command.split(), "--out", source) or (
-            "export" in command
-        )
+    assert "is a file; name a folder" in refused(capsys, *command.split(), "--out", source) or (
+        "export" in command
+    )
     assert contents() == FILES
     assert list(Path("out").iterdir()) == []
 

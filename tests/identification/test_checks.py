@@ -60,7 +60,9 @@ def test_efforts_off_by_a_factor_are_asked_about_at_joints_that_carry(factor):
     assert 0.7 * factor < told < 1.4 * factor  # the URDF's masses are wrong by 20 %
 
 
-@pytest.mark.parametrize(("joint", "factor"), [(1, 0.7), (2, 0.7), (1, 1.3)])
+@pytest.mark.parametrize(
+    ("joint", "factor"), [(1, 0.7), pytest.param(2, 0.7, marks=pytest.mark.slow), (1, 1.3)]
+)
 def test_efforts_off_by_a_factor_are_refused_where_masses_are_kept(joint, factor):
     """No gain of 0.7 is within what a URDF's masses are wrong by, but for those that are kept."""
     scale = np.where(np.arange(6) == joint, factor, 1.0)

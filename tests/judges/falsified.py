@@ -1,6 +1,7 @@
-"""Results of six situations, and their falsifications."""
+"""Six situations, and falsifications of their results."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from builders import plane_friction, sliding_block
@@ -30,13 +31,13 @@ FALSE = {
     "sticking": np.logical_not,
 }
 SITUATIONS = {
-    "jammed": jamming_drawer(0.6, 1.0),
+    "jammed": partial(jamming_drawer, 0.6, 1.0),
     # a force along the fixed direction in which the link's end cannot move
-    "singular": rocker_driven_four_bar(np.zeros(1)),
-    "ambiguous": decelerating_drawer(),
-    "turning": turning_four_bar(3),
-    "resting": resting_four_bar(2),
-    "tree": Case(sliding_block(plane_friction(0.5, 0.3)), *np.ones((3, 1, 1))),
+    "singular": partial(rocker_driven_four_bar, np.zeros(1)),
+    "ambiguous": decelerating_drawer,
+    "turning": partial(turning_four_bar, 3),
+    "resting": partial(resting_four_bar, 2),
+    "tree": lambda: Case(sliding_block(plane_friction(0.5, 0.3)), *np.ones((3, 1, 1))),
 }
 
 

@@ -45,11 +45,11 @@ FAST |= {
 }
 FAST |= {
     f"scara with {mistake}": partial(judge_mistakes, "scara", mistakes=[mistake])
-    for mistake in ("limits in degrees", "lengths in mm", "a centre of mass outside")
+    for mistake in ("limits in degrees", "a centre of mass outside")
 }
 FAST |= {
     f"files of size of {name}": partial(judge_route, name, quick=True)
-    for name in ("pendulum", "gantry", "four_bar")
+    for name in ("pendulum", "four_bar")
 }
 FAST |= {"a joint without mass": judge_massless}
 

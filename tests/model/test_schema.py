@@ -143,7 +143,7 @@ def test_implausible_magnitudes_are_questioned_but_taken(entry, content, says):
 
 
 @settings(
-    max_examples=100, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+    max_examples=50, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )
 @given(content=st.text(max_size=80) | anything.map(yaml.safe_dump))
 def test_any_text_is_yaml_or_refused(tmp_path, content):

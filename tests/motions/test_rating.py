@@ -26,7 +26,7 @@ def rated_of(name, folder, **more) -> tuple[pf.Scene, Rated]:
 
 
 def judge(scene, keys, com=(0.0, 0.0, 0.1)):
-    """The largest |gravity| of each joint: 8,000 random postures, and an optimizer from the best.
+    """The largest |gravity| of each joint: 2,000 random postures, and an optimizer from the best.
 
     Plain Pinocchio with the payload as a body; its derivatives know no mimic joints (Panda's hand).
     """
@@ -52,7 +52,7 @@ def judge(scene, keys, com=(0.0, 0.0, 0.1)):
         return q
 
     rng = np.random.default_rng(7)
-    tried = rng.uniform(low, high, (8_000, len(low)))
+    tried = rng.uniform(low, high, (2_000, len(low)))
     efforts = np.abs([pin.computeGeneralizedGravity(model, data, placed(x)) for x in tried])
     ends = list(zip(low, high, strict=True))
     for k in range(len(low)):
@@ -63,7 +63,7 @@ def judge(scene, keys, com=(0.0, 0.0, 0.1)):
             slope = pin.computeGeneralizedGravityDerivatives(model, data, q)[k]
             return -abs(g), -np.sign(g) * slope
 
-        starts = tried[np.argsort(-efforts[:, k])[:10]]
+        starts = tried[np.argsort(-efforts[:, k])[:5]]
         found.append(max(-minimize(least, x, jac=True, bounds=ends, tol=1e-9).fun for x in starts))
     return dict(zip([model.names[j.id] for j in own], found, strict=True))
 

@@ -87,7 +87,7 @@ def test_a_joint_that_stands_is_dragged_along_by_the_stop_of_another(room):
     model = scene.model.copy()
     model.upperPositionLimit = np.array([10.0, room])
     model.lowerPositionLimit = -np.array([10.0, room])
-    motion, scene = swing(scene), scene.with_(model=model)
+    motion, scene = swing(scene, 13), scene.with_(model=model)
     still = np.array([1.0, 0.0])
     motion = pf.Trajectory.from_arrays(
         scene, motion.t, motion.q * still, motion.v * still, motion.a * still

@@ -1,6 +1,7 @@
 """Errors that `result.check()` notices; `judges/test_verdict.py` has those of the judge alone."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -18,7 +19,7 @@ SEEN = dict.fromkeys(FALSE, True) | {"interval_exact": False}
 
 @pytest.mark.parametrize("situation", SITUATIONS)
 def test_false_fields_are_noticed(situation):
-    found = SITUATIONS[situation].inverse()
+    found = SITUATIONS[situation]().inverse()
     assert found.check().passed(1e-12), found.check()
     false = {name: falsified(found, name) for name in SEEN}
     seen = {name: not x.check().passed() for name, x in false.items() if x is not None}
@@ -46,10 +47,10 @@ def excavator():
 
 CASES = {
     **{name: SITUATIONS[name] for name in ("ambiguous", "turning", "resting", "tree")},
-    "balls": resting_tripod(),
-    "cylinders": excavator(),
-    "slider": slider_crank(np.array([0.4, 2.0])),
-    "arm": arm(),
+    "balls": resting_tripod,
+    "cylinders": excavator,
+    "slider": partial(slider_crank, np.array([0.4, 2.0])),
+    "arm": arm,
 }
 FIELDS = (
     *("effort_lower", "effort_upper", "effort_frictionless", "friction_lower", "friction_upper"),
@@ -60,7 +61,7 @@ FIELDS = (
 
 @pytest.mark.parametrize("name", CASES)
 def test_a_figure_that_is_a_millionth_off_is_noticed_where_it_is(name):
-    found = CASES[name].inverse()
+    found = CASES[name]().inverse()
     assert found.check().passed(1e-12), found.check()
     for field in FIELDS:
         values = getattr(found, field)

@@ -88,13 +88,13 @@ def test_marks_stand_where_the_tool_stops():
     assert not len(tool_stops(scene.with_(tool=None), frames.placement))
 
 
-def test_a_payload_that_stands_off_its_link_is_held_by_a_rod():
-    """The blank's centre is 0.14 m before the flange; at the flange itself nothing is drawn."""
-    scene = pf.load_scene("ur10_machine_tending")
-    at_flange = {"blank": {"link": "tool0", "mass": 5.0, "com": [0.0, 0.0, 0.0]}}
-    for given, rods in ((scene, 1), (scene.with_(payloads=at_flange), 0)):
-        held = [c for c in drawn(given).commands if b"payload blank/held" in c]
-        assert len(held) == rods
+def test_a_payload_that_stands_off_its_link_is_held_by_a_rod(tmp_path):
+    """At the link's own frame nothing is drawn."""
+    scene = arm(tmp_path)
+    for com, rods in (([0.0, 0.0, 0.14], 1), ([0.0, 0.0, 0.0], 0)):
+        blank = {"link": "link", "mass": 5.0, "com": com}
+        held = drawn(scene.with_(payloads={"blank": blank})).commands
+        assert sum(b"payload blank/held" in c for c in held) == rods
 
 
 # The look of a robot: visuals, or shapes from inertias.
