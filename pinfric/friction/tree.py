@@ -428,7 +428,7 @@ def expand(
     z, waiting = np.empty(nc), np.empty((n + 2, nc), np.int8)
     found, after, programs = 0, 0, 0
     for node in range(nodes.shape[0]):
-        waiting[0] = nodes[node]
+        _copy(nodes[node], waiting[0])
         depth = 1
         while depth > 0:
             depth -= 1
@@ -445,18 +445,24 @@ def expand(
             if k == n:
                 if found == leaves.shape[0]:
                     return -1, after, programs
-                leaves[found] = mode
+                _copy(mode, leaves[found])
                 found += 1
                 continue
             if after + 2 > more.shape[0]:
                 return -1, after, programs
             for way in (-1, 1):
-                more[after] = mode
+                _copy(mode, more[after])
                 more[after, order[k]] = way
                 after += 1
             mode[order[k]] = _STICKS
             depth += 1
     return found, after, programs
+
+
+@kernel
+def _copy(mode: np.ndarray, out: np.ndarray) -> None:
+    for c in range(mode.size):
+        out[c] = mode[c]
 
 
 @kernel
@@ -500,7 +506,7 @@ def write_rows(
     if k > 0:
         solve_dense(A, B)
     for i in range(k):
-        of_z[held[i]] = B[i]
+        _write_times(1.0, B[i], of_z[held[i]])
     for j in range(n):
         of_z[free[j], 0], of_z[free[j], 1 + j] = bounds.middle[free[j]], box[free[j]]
     # 2. the rows, by (1, x) and then by z
@@ -512,12 +518,13 @@ def write_rows(
             sign = 1.0 - 2.0 * side
             mine = slips and sign * way > 0.0
             if not slips:  # sign x <= limit
-                line[:] = -(bounds.stick if way == _STICKS else bounds.either)[c, side]
+                limit = bounds.stick if way == _STICKS else bounds.either
+                _write_times(-1.0, limit[c, side], line)
                 line[1 + c] += sign
                 rows += _put(line, of_z, scale, G, h, rows)
             for end in range(2 if mine else 0):  # least <= -sign x <= most
                 toward = 1.0 - 2.0 * end
-                line[:] = toward * bounds.slip[c, side, end]
+                _write_times(toward, bounds.slip[c, side, end], line)
                 line[1 + c] += toward * sign
                 rows += _put(line, of_z, scale, G, h, rows)
             if at_rest[c] and (mine or (way == _STICKS and not follow)):  # sign r >= 0
@@ -527,6 +534,12 @@ def write_rows(
                     size += abs(problem.rate_slope[c, d]) * box[d]
                 rows += _put(line, of_z, size + 1e-300, G, h, rows)
     return rows, n
+
+
+@kernel
+def _write_times(factor: float, row: np.ndarray, out: np.ndarray) -> None:
+    for d in range(row.size):
+        out[d] = factor * row[d]
 
 
 @kernel

@@ -10,7 +10,7 @@ import sys
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-from functools import cached_property
+from functools import cache, cached_property
 from itertools import chain
 from pathlib import Path
 from typing import Any, Generic, cast
@@ -28,6 +28,7 @@ from numba.core.cpu import CPUContext
 from numba.core.dispatcher import Dispatcher, _FunctionCompiler  # type: ignore[attr-defined]
 from numba.core.runtime import rtsys
 from numba.core.sigutils import normalize_signature
+from numba.core.targetconfig import TargetConfig
 
 from pinfric.errors import PinfricError, PinfricWarning
 from pinfric.kernels import late, records
@@ -77,6 +78,7 @@ _INNER = {
     ),
     FunctionCache: ("load_overload", "save_overload", "_impl_class", "_index_key"),
     IndexDataCacheFile: ("_dump", "_load_index", "_load_data", "_save_index", "_save_data"),
+    TargetConfig: ("options", "values", "_values"),
 }
 
 
@@ -107,6 +109,26 @@ def check_numba(version: str) -> None:
 
 
 check_numba(numba.__version__)
+
+
+def _hash_of_options(given: Any) -> int:
+    """Hash options of a target, equal for equal ones.
+
+    Numba looks them up with each call that it types, and then lists all 40, defaults, too: 6 % of
+    compiling.
+    """
+    known = given.options
+    return hash(frozenset(k for k, x in given._values.items() if x != known[k].default))
+
+
+def _are_equal_options(given: Any, other: Any) -> bool:
+    if not isinstance(other, TargetConfig):
+        return NotImplemented
+    return bool(given._values == other._values or given.values() == other.values())
+
+
+TargetConfig.__hash__ = _hash_of_options  # type: ignore[method-assign]
+TargetConfig.__eq__ = _are_equal_options  # type: ignore[method-assign]
 
 
 def kernel(function: Callable[..., Any]) -> Callable[..., Any]:
@@ -307,6 +329,9 @@ def _entry(compiled: Any, library: Any) -> Any:
     return compiled.target_context.get_executable(library, compiled.fndesc, compiled.environment)
 
 
+_NOT_KEPT = "in every run (no folder to keep them in is writable; set NUMBA_CACHE_DIR)"
+
+
 class _NoCache(NullCache):
     """The cache where no folder is writable: it keeps nothing."""
 
@@ -324,10 +349,7 @@ class _NoCache(NullCache):
 
     def load_overload(self, sig: Any, target_context: Any) -> None:
         """Find nothing: numba compiles next."""
-        PROGRESS.begin(
-            self._function,
-            "in every run (no folder to keep them in is writable; set NUMBA_CACHE_DIR)",
-        )
+        PROGRESS.begin(self._function, _NOT_KEPT)
 
     def save_overload(self, sig: Any, data: Any) -> None:
         PROGRESS.end(self._function, compiled=True)
@@ -372,7 +394,7 @@ def _is_kept(values: Any) -> bool:
     if CLOCK.is_over():
         return True
     kind = record_type(values)
-    if kind not in _SEEN and _note(kind).exists():
+    if kind not in _SEEN and any(note.exists() for note in _notes(kind)):
         _SEEN.add(kind)
     return kind in _SEEN
 
@@ -381,13 +403,19 @@ def _is_kept(values: Any) -> bool:
 _SEEN: set[RecordType] = set()
 
 
-def _note(kind: RecordType) -> Path:
-    """The empty file that says that a kernel which takes such a record is cached."""
+def _notes(kind: RecordType) -> Iterator[Path]:
+    """Yield the empty files that say that a kernel which takes such a record is cached."""
+    return (folder / f"{kind.name}.kept" for folder in _folders(config.CACHE_DIR))  # type: ignore[attr-defined]
+
+
+@cache
+def _folders(named: str) -> tuple[Path, ...]:
+    """Where kernels are written, and the folder that NUMBA_CACHE_DIR names, if that is another."""
     try:
-        folder = _Place(_note).locator.get_cache_path()
+        own = Path(_Place(kernel).locator.get_cache_path())
     except RuntimeError:  # no folder is writable
-        folder = os.devnull
-    return Path(folder) / f"{kind.name}.kept"
+        return ()
+    return tuple(dict.fromkeys((own, Path(named, _FOLDER)) if named else (own,)))
 
 
 _Numba: Any = FunctionCache._impl_class
@@ -395,12 +423,25 @@ _Numba: Any = FunctionCache._impl_class
 _Named: Any = _Numba._locator_classes[0]
 
 
+#: Of pinfric in NUMBA_CACHE_DIR, shared by all clones; numba's are one per path.
+_FOLDER = "pinfric"
+
+
 class _NamedFolder(_Named):
-    """The folder `pinfric` in NUMBA_CACHE_DIR, shared by all clones; numba's is one per path."""
+    """The folder `_FOLDER`."""
 
     def __init__(self, function: Callable[..., Any], file: str) -> None:
         super().__init__(function, file)
-        self._cache_path = os.path.join(os.path.dirname(self.get_cache_path()), "pinfric")
+        self._cache_path = os.path.join(os.path.dirname(self.get_cache_path()), _FOLDER)
+
+
+class _ReadOnlyFolder(_NamedFolder):
+    """The same where no folder is writable: a container's image may hold kernels."""
+
+    def ensure_cache_path(self) -> None:
+        """Refuse a folder that is missing."""
+        if not os.path.isdir(self.get_cache_path()):
+            raise FileNotFoundError(self.get_cache_path())
 
 
 #: A kernel with more LLVM instructions is called where it is; a smaller one is copied into its
@@ -415,7 +456,7 @@ _CALLED: dict[str, tuple[str, str, tuple[Any, ...]]] = {}
 class _Place(_Numba):
     """What a file holds: a kernel, and the kernels that it calls, which must be loaded first."""
 
-    _locator_classes = (_NamedFolder, *_Numba._locator_classes[1:])
+    _locator_classes = (_NamedFolder, *_Numba._locator_classes[1:], _ReadOnlyFolder)
     cache: Any
 
     def reduce(self, compiled: Any) -> Any:
@@ -490,9 +531,10 @@ class _CheckedCache(FunctionCache):
     @cached_property
     def _cache_file(self) -> Any:  # type: ignore[override]
         """Made at the first call: a kernel may use names that its module defines later."""
-        return _CheckedFile(
-            self.cache_path, self.name, (*_MADE_BY, stamp(self._function, self._options))
-        )
+        made = self.name, (*_MADE_BY, stamp(self._function, self._options))
+        named = config.CACHE_DIR and os.path.join(config.CACHE_DIR, _FOLDER)  # type: ignore[attr-defined]
+        beside = _CheckedFile(named, *made) if named and named != self.cache_path else None
+        return _CheckedFile(self.cache_path, *made, beside)
 
     @property
     def index(self) -> str:
@@ -528,7 +570,8 @@ class _CheckedCache(FunctionCache):
         """Return the cached kernel; if None, numba compiles next."""
         compiled = self.kept(sig, target_context)
         if compiled is None:
-            PROGRESS.begin(self._function, "they are kept for later runs")
+            keeps = os.access(self.cache_path, os.W_OK)
+            PROGRESS.begin(self._function, "they are kept for later runs" if keeps else _NOT_KEPT)
         return compiled
 
     def save_overload(self, sig: Any, data: Any) -> None:
@@ -538,18 +581,29 @@ class _CheckedCache(FunctionCache):
             super().save_overload(sig, data)
             for kind in data.signature.args:
                 if isinstance(kind, RecordType):
-                    _note(kind).touch()
+                    next(_notes(kind)).touch()
 
 
 class _CheckedFile(IndexDataCacheFile):
     """An index and its files, each with a digest behind its pickle.
 
     Their names contain the digest of the sources, so clones with different ones share a folder.
+
+    Args:
+        beside: files that may only be read, where these hold no kernel.
     """
 
-    def __init__(self, folder: str, name: str, stamp: tuple[Any, ...]) -> None:
+    def __init__(
+        self, folder: str, name: str, stamp: tuple[Any, ...], beside: _CheckedFile | None = None
+    ) -> None:
         super().__init__(folder, f"{name}.{digest(repr(stamp).encode()).hex()}", None)
         self._of_all_sources = f"{name}.{'[0-9a-f]' * 2 * SIZE}.nbi"
+        self._beside = beside
+
+    def load(self, key: Any) -> Any:
+        """Return what is kept of a kernel, or None."""
+        found = super().load(key)
+        return self._beside.load(key) if found is None and self._beside is not None else found
 
     def save(self, key: Any, data: Any) -> None:
         """Save a kernel. Numba numbers files: of two processes one may overwrite the other's."""
@@ -577,7 +631,8 @@ class _CheckedFile(IndexDataCacheFile):
         if content is None:
             return {}
         with suppress(OSError):  # of another user
-            os.utime(self._index_path)
+            if os.access(self._cache_path, os.W_OK):
+                os.utime(self._index_path)
         return dict(content[1])
 
     def _load_data(self, name: str) -> Any:

@@ -18,6 +18,7 @@ import numba
 import numpy as np
 import pytest
 from builders import example
+from numba.core.compiler import Flags
 
 import pinfric as pf
 from pinfric.errors import PinfricError, PinfricWarning
@@ -399,9 +400,23 @@ def bound_by_modes():
     ctypes.CDLL(None).prctl(24, 1, 0, 0, 0)  # PR_CAPBSET_DROP; others than root need it not
 
 
+def test_options_that_numba_takes_for_equal_have_one_hash():
+    """Also where one names the default that the other leaves out."""
+    plain, fast = Flags(), Flags()
+    plain.nrt = fast.nrt = True
+    named = plain.copy()
+    named.boundscheck = plain.boundscheck
+    fast.boundscheck = True
+    assert named == plain
+    assert hash(named) == hash(plain)
+    assert named.values() == plain.values() != fast.values()
+    assert plain != fast
+    assert plain != "options"
+
+
 @pytest.mark.slow
 def test_a_cache_that_may_only_be_read_stops_no_command(tmp_path):
-    """Numba keeps kernels elsewhere then, or compiles them anew; the folder stays as it is."""
+    """As in a container's image: its kernels are read, and it stays as it is."""
     file = tmp_path / "chain_of_a_test.py"
     file.write_text(CHAIN)
     python(tmp_path, file.name)
@@ -413,10 +428,17 @@ def test_a_cache_that_may_only_be_read_stops_no_command(tmp_path):
     given = {"cwd": tmp_path, "env": environment(tmp_path), "preexec_fn": bound_by_modes}
     assert subprocess.run([sys.executable, "-c", probe], stderr=-3, **given).returncode == 1
     command = [sys.executable, file.name]
-    done = subprocess.run(command, capture_output=True, text=True, **given)
-    assert done.returncode == 0, done.stderr
-    assert done.stderr.splitlines()[-1] in ("1.0 0", "1.0 1")
-    folder.chmod(0o755)
+    source = (tmp_path, tmp_path / "__pycache__", home := tmp_path / "home")
+    home.mkdir()
+    given["env"] |= {"HOME": str(home), "XDG_CACHE_HOME": str(home)}
+    for writable in (True, False):  # the folder where numba would keep them instead
+        for place in source:
+            if place.is_dir():
+                place.chmod(0o755 if writable else 0o555)
+        done = subprocess.run(command, capture_output=True, text=True, **given)
+        assert done.stderr == "1.0 1\n"
+    for place in (*source, folder):
+        place.chmod(0o755)
     assert {path.name: path.stat().st_mtime_ns for path in folder.iterdir()} == before
 
 
