@@ -521,18 +521,19 @@ def commands():
 
 
 def sizings():
-    """`size` of the bundled scenes in processor time, the second time in a process, with drives."""
-    rows = []
+    """Yield `size` of the bundled scenes in processor time, warm, with drives, one by one."""
     for file in sorted((ROOT / "robots").glob("*.waypoints.yaml")):
         name = file.name.removesuffix(".waypoints.yaml")
         scene = pf.load_scene(name)
         motion = pf.load_trajectory(str(file), scene)
-        run = partial(pf.size, scene, motion, "default", on_miss="ignore")
-        found = run()
+        found = []
+
+        def run(scene=scene, motion=motion, found=found):
+            found[:] = [pf.size(scene, motion, "default", on_miss="ignore")]
+
         seconds = median_seconds({"": run}, rounds=3, clock=time.process_time)[""]
-        more = found.verdict.headline.split(";")[0]
-        rows.append(Row(f"size {name}", "", seconds, 0.25, "s", more=more))
-    return rows
+        more = found[0].verdict.headline.split(";")[0]
+        yield Row(f"size {name}", "", seconds, 0.25, "s", more=more)
 
 
 # ---------------------------------------------------------------- peers
@@ -667,7 +668,7 @@ def main():
         return
     if not given.json:
         print(machine())
-        print("\n| | against | measured | goal | met | |\n|---|---|---|---|---|---|")
+        print("\n| | against | measured | goal | met | |\n|---|---|---|---|---|---|", flush=True)
     for study in studies:
         for row in study():
             cells, pair = row.cells(), [f"{row.what} | {row.against}", row.figure]
