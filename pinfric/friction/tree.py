@@ -428,7 +428,8 @@ def expand(
     z, waiting = np.empty(nc), np.empty((n + 2, nc), np.int8)
     found, after, programs = 0, 0, 0
     for node in range(nodes.shape[0]):
-        _copy(nodes[node], waiting[0])
+        for c in range(nc):
+            waiting[0, c] = nodes[node, c]
         depth = 1
         while depth > 0:
             depth -= 1
@@ -445,24 +446,20 @@ def expand(
             if k == n:
                 if found == leaves.shape[0]:
                     return -1, after, programs
-                _copy(mode, leaves[found])
+                for c in range(nc):
+                    leaves[found, c] = mode[c]
                 found += 1
                 continue
             if after + 2 > more.shape[0]:
                 return -1, after, programs
             for way in (-1, 1):
-                _copy(mode, more[after])
+                for c in range(nc):
+                    more[after, c] = mode[c]
                 more[after, order[k]] = way
                 after += 1
             mode[order[k]] = _STICKS
             depth += 1
     return found, after, programs
-
-
-@kernel
-def _copy(mode: np.ndarray, out: np.ndarray) -> None:
-    for c in range(mode.size):
-        out[c] = mode[c]
 
 
 @kernel
@@ -506,7 +503,8 @@ def write_rows(
     if k > 0:
         solve_dense(A, B)
     for i in range(k):
-        _write_times(1.0, B[i], of_z[held[i]])
+        for j in range(1 + n):
+            of_z[held[i], j] = B[i, j]
     for j in range(n):
         of_z[free[j], 0], of_z[free[j], 1 + j] = bounds.middle[free[j]], box[free[j]]
     # 2. the rows, by (1, x) and then by z
@@ -519,44 +517,44 @@ def write_rows(
             mine = slips and sign * way > 0.0
             if not slips:  # sign x <= limit
                 limit = bounds.stick if way == _STICKS else bounds.either
-                _write_times(-1.0, limit[c, side], line)
-                line[1 + c] += sign
-                rows += _put(line, of_z, scale, G, h, rows)
+                rows += _put(-1.0, limit[c, side], c, sign, of_z, scale, G, h, rows)
             for end in range(2 if mine else 0):  # least <= -sign x <= most
                 toward = 1.0 - 2.0 * end
-                _write_times(toward, bounds.slip[c, side, end], line)
-                line[1 + c] += toward * sign
-                rows += _put(line, of_z, scale, G, h, rows)
+                slip = bounds.slip[c, side, end]
+                rows += _put(toward, slip, c, toward * sign, of_z, scale, G, h, rows)
             if at_rest[c] and (mine or (way == _STICKS and not follow)):  # sign r >= 0
                 line[0], size = -sign * problem.rate_free[c], problem.rate_scale[c]
                 for d in range(nc):
                     line[1 + d] = -sign * problem.rate_slope[c, d]
                     size += abs(problem.rate_slope[c, d]) * box[d]
-                rows += _put(line, of_z, size + 1e-300, G, h, rows)
+                rows += _put(1.0, line, c, 0.0, of_z, size + 1e-300, G, h, rows)
     return rows, n
 
 
 @kernel
-def _write_times(factor: float, row: np.ndarray, out: np.ndarray) -> None:
-    for d in range(row.size):
-        out[d] = factor * row[d]
-
-
-@kernel
 def _put(
-    line: np.ndarray, of_z: np.ndarray, scale: float, G: np.ndarray, h: np.ndarray, row: int
+    factor: float,
+    line: np.ndarray,
+    c: int,
+    sign: float,
+    of_z: np.ndarray,
+    scale: float,
+    G: np.ndarray,
+    h: np.ndarray,
+    row: int,
 ) -> int:
-    """Write the row line (1, x) / scale <= 0 by z; return 1, or 0 of a limit that is infinite."""
+    """Write the row (factor line (1, x) + sign x_c) / scale <= 0 by z; return 1, 0 if infinite."""
     if not abs(line[0]) < np.inf:
         return 0
-    h[row] = line[0]
+    h[row] = factor * line[0]
     for j in range(of_z.shape[1] - 1):
         G[row, j] = 0.0
     for d in range(of_z.shape[0]):
-        if line[1 + d] != 0.0:
-            h[row] += line[1 + d] * of_z[d, 0]
+        entry = factor * line[1 + d] + (sign if d == c else 0.0)
+        if entry != 0.0:
+            h[row] += entry * of_z[d, 0]
             for j in range(of_z.shape[1] - 1):
-                G[row, j] += line[1 + d] * of_z[d, 1 + j]
+                G[row, j] += entry * of_z[d, 1 + j]
     h[row] /= scale
     for j in range(of_z.shape[1] - 1):
         G[row, j] /= scale
