@@ -38,6 +38,7 @@ from pinfric.identification.columns import (
     thinning,
     with_loads,
 )
+from pinfric.identification.contacts import Contact, contacts, without_contacts
 from pinfric.identification.delay import Delay, common_delay, log_delay
 from pinfric.identification.inertias import consistent_fit, urdf_prior, with_parameters
 from pinfric.identification.laws import (
@@ -97,6 +98,7 @@ class Question:
         without: joints whose efforts were left out.
         no_gravity: whether the efforts hold no gravity: then loads on bearings and gears are the
             URDF's, and the fitted links no robot's.
+        contacts: times in which the robot was touched, whose efforts were taken out.
     """
 
     scene: Scene
@@ -107,6 +109,7 @@ class Question:
     gains: Collection[str] = ()
     without: Collection[str] = ()
     no_gravity: bool = False
+    contacts: tuple[Contact, ...] = ()
 
     @property
     def inertias_stay(self) -> bool:
@@ -221,6 +224,11 @@ def estimate(question: Question, progress: Callable[[int, int], object]) -> Esti
         laws = [offered(result, j) for j in range(len(result.rows))]
         _find_delay(result, reload=True)
         _fit(result, laws)
+    touched = () if question.contacts else contacts(result.prepared, result.rows, result.fit)
+    if touched:  # all again: laws and delay were found beside it
+        del result
+        lacks = without_contacts(question.recordings, touched)
+        return estimate(replace(question, recordings=lacks, contacts=touched), progress)
     result.errors = nested_errors(result.problem, result.rows)
     _doubt(result)
     progress(steps, steps)

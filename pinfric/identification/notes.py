@@ -145,6 +145,7 @@ def notes(
     lines += _misfits(estimate, slight)
     doubts = (
         _tilt(estimate)
+        + _contacts(estimate)
         + _by_joint(contradicting)
         + _misfits(estimate, clear)
         + _uneven(estimate, uneven)
@@ -298,6 +299,19 @@ def _tilt(estimate: Estimate) -> list[str]:
         f"all efforts together: mount it level, or write `robot: {{gravity: [{gravity}]}}` (m/s^2 "
         "in the base's frame)"
     ]
+
+
+def _contacts(estimate: Estimate) -> list[str]:
+    """When the robot was touched."""
+    scene, logs = estimate.scene, estimate.question.recordings
+    each = [
+        f"{logs[x.log].name} {x.start:.1f} to {x.end:.1f} s (up to {x.effort:.3g} "
+        f"{effort_unit(scene, x.joint)} at {scene.joint_names[x.joint]})"
+        for x in estimate.question.contacts
+    ]
+    if not each:
+        return []
+    return [f"efforts are far from all others, as of a contact, and left out: {', '.join(each)}"]
 
 
 def _scales(estimate: Estimate, misfit: Set[int]) -> list[str]:
