@@ -123,7 +123,9 @@ def test_a_drive_of_the_catalogue_is_limited_as_size_judges_it(tmp_path):
 
 
 @pytest.mark.filterwarnings("ignore:joint_")
-@pytest.mark.parametrize("masses", [None, "without_drives", "with_drives"])
+@pytest.mark.parametrize(
+    "masses", [None, pytest.param("without_drives", marks=pytest.mark.slow), "with_drives"]
+)
 def test_drives_of_a_retimed_arm_are_those_that_size_judges(tmp_path, masses):
     """The masses of the drives, the bearing of the conditions, the old drive's friction."""
     ring = {"kind": "crossed roller", "max_moment": 77.0, "static_rating": 9e3}

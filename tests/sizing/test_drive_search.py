@@ -54,34 +54,35 @@ def sized(arm, catalog=None, **conditions):
     return pf.size(scene, motion, catalog or whole, conditions=conditions, on_miss="ignore")
 
 
-def test_the_choice_is_that_of_a_search_over_all_drives(arm):
+@pytest.mark.parametrize("joint", [pytest.param(1, marks=pytest.mark.slow), 4])
+def test_the_choice_is_that_of_a_search_over_all_drives(arm, joint):
     """Every drive that can be signed and is no heavier, judged in full with its joint's brake."""
     report = sized(arm)
     catalog = report.catalog
-    for joint in (report.joints[1], report.joints[4]):
-        case, mine = joint.search.case, joint.choice.candidate
-        best = []
-        for g, gear in catalog.gears.items():
-            if gear.output == "linear" or lacks(kind_of(gear), gear):
+    joint = report.joints[joint]
+    case, mine = joint.search.case, joint.choice.candidate
+    best = []
+    for g, gear in catalog.gears.items():
+        if gear.output == "linear" or lacks(kind_of(gear), gear):
+            continue
+        for m in dict.fromkeys([*list(catalog.motors)[::2], mine.motor]):
+            motor = catalog.motors[m]
+            made = motor_with_gear(m, motor, g, gear, gear.ratios[0])
+            known = None not in (made.mass, motor.rotor_inertia, made.ratings.continuous_torque)
+            if not gear.takes(m, motor) or not known:
                 continue
-            for m in dict.fromkeys([*list(catalog.motors)[::4], mine.motor]):
-                motor = catalog.motors[m]
-                made = motor_with_gear(m, motor, g, gear, gear.ratios[0])
-                known = None not in (made.mass, motor.rotor_inertia, made.ratings.continuous_torque)
-                if not gear.takes(m, motor) or not known:
-                    continue
-                needed = joint.search.holding_torque(made)
-                for name, brake in joint.search.arrays.brakes.items() if needed else ():
-                    if brake.torque >= needed and brake.sold == "alone":
-                        made = with_brake(made, name, brake)
-                        break
-                if made.mass > mine.mass:
-                    continue
-                motor_ = motor_cycle(made, case.cycle, case.conditions)
-                found = check(made, motor_, case)
-                if not any(c.status == Status.FAILS for c in found):
-                    best.append((made.mass, made.name))
-        assert min(best) == (mine.mass, mine.name)
+            needed = joint.search.holding_torque(made)
+            for name, brake in joint.search.arrays.brakes.items() if needed else ():
+                if brake.torque >= needed and brake.sold == "alone":
+                    made = with_brake(made, name, brake)
+                    break
+            if made.mass > mine.mass:
+                continue
+            motor_ = motor_cycle(made, case.cycle, case.conditions)
+            found = check(made, motor_, case)
+            if not any(c.status == Status.FAILS for c in found):
+                best.append((made.mass, made.name))
+    assert min(best) == (mine.mass, mine.name)
 
 
 def braked_by_hand(made, case, brakes):
@@ -178,12 +179,15 @@ BEST = {
 }
 
 
-def test_what_is_asked_for_would_be_lighter_with_some_figures(arm):
+@pytest.mark.parametrize(
+    ("few", "least"), [(slice(4, 5), 3), pytest.param(slice(None), 20, marks=pytest.mark.slow)]
+)
+def test_what_is_asked_for_would_be_lighter_with_some_figures(arm, few, least):
     """With its missing figures at their best it fits some joint and is lighter."""
     report = sized(arm)
     catalog, lighter = report.catalog, dict[str, bool]()
     whole = {n: g for n, g in catalog.gears.items() if not lacks(kind_of(g), g)}
-    for joint, ask in [(each, ask) for each in report.joints for ask in each.ask]:
+    for joint, ask in [(each, ask) for each in report.joints[few] for ask in each.ask]:
         if lighter.get(ask.name):
             continue
         (kind,) = [k for k in ("gears", "motors", "gearmotors") if ask.name in getattr(catalog, k)]
@@ -201,7 +205,7 @@ def test_what_is_asked_for_would_be_lighter_with_some_figures(arm):
             own = CatalogArrays(own, report.conditions, arrays.output, arrays.brakes)
             found = found or DriveSearch(own, joint.search.case, joint.search.parts).lightest()
         lighter[ask.name] = found is not None and found.candidate.mass < joint.choice.candidate.mass
-    assert len(lighter) > 20
+    assert len(lighter) > least
     assert [name for name, better in lighter.items() if not better] == []
 
 
