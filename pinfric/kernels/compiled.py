@@ -28,7 +28,6 @@ from numba.core.cpu import CPUContext
 from numba.core.dispatcher import Dispatcher, _FunctionCompiler  # type: ignore[attr-defined]
 from numba.core.runtime import rtsys
 from numba.core.sigutils import normalize_signature
-from numba.core.targetconfig import TargetConfig
 
 from pinfric.errors import PinfricError, PinfricWarning
 from pinfric.kernels import late, records
@@ -78,7 +77,6 @@ _INNER = {
     ),
     FunctionCache: ("load_overload", "save_overload", "_impl_class", "_index_key"),
     IndexDataCacheFile: ("_dump", "_load_index", "_load_data", "_save_index", "_save_data"),
-    TargetConfig: ("options", "values", "_values"),
 }
 
 
@@ -109,26 +107,6 @@ def check_numba(version: str) -> None:
 
 
 check_numba(numba.__version__)
-
-
-def _hash_of_options(given: Any) -> int:
-    """Hash options of a target, equal for equal ones.
-
-    Numba looks them up with each call that it types, and then lists all 40, defaults, too: 6 % of
-    compiling.
-    """
-    known = given.options
-    return hash(frozenset(k for k, x in given._values.items() if x != known[k].default))
-
-
-def _are_equal_options(given: Any, other: Any) -> bool:
-    if not isinstance(other, TargetConfig):
-        return NotImplemented
-    return bool(given._values == other._values or given.values() == other.values())
-
-
-TargetConfig.__hash__ = _hash_of_options  # type: ignore[method-assign]
-TargetConfig.__eq__ = _are_equal_options  # type: ignore[method-assign]
 
 
 def kernel(function: Callable[..., Any]) -> Callable[..., Any]:

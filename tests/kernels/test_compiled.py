@@ -18,7 +18,6 @@ import numba
 import numpy as np
 import pytest
 from builders import example
-from numba.core.compiler import Flags
 
 import pinfric as pf
 from pinfric.errors import PinfricError, PinfricWarning
@@ -398,20 +397,6 @@ def test_a_cache_that_cannot_be_written_does_not_stop_a_command(tmp_path):
 def bound_by_modes():
     """Let a child's root write no more than the modes of folders allow: no CAP_DAC_OVERRIDE."""
     ctypes.CDLL(None).prctl(24, 1, 0, 0, 0)  # PR_CAPBSET_DROP; others than root need it not
-
-
-def test_options_that_numba_takes_for_equal_have_one_hash():
-    """Also where one names the default that the other leaves out."""
-    plain, fast = Flags(), Flags()
-    plain.nrt = fast.nrt = True
-    named = plain.copy()
-    named.boundscheck = plain.boundscheck
-    fast.boundscheck = True
-    assert named == plain
-    assert hash(named) == hash(plain)
-    assert named.values() == plain.values() != fast.values()
-    assert plain != fast
-    assert plain != "options"
 
 
 @pytest.mark.slow
