@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable
 
 import numpy as np
@@ -22,6 +23,8 @@ _AT_ENDS = 8
 _GROWS = 1.0
 #: More samples than this are a mistyped rate or duration, not a motion.
 _MAX_SAMPLES = 20_000_000
+#: Bytes that inverse dynamics, which takes the least, needs for each joint of a sample.
+_BYTES = 150
 #: Times of more periods than this differ by too few digits.
 _MAX_PERIODS = 1.0e15
 
@@ -70,3 +73,20 @@ def sample_times(
         begin = right + 1
     t = np.concatenate([*periods, np.arange(begin, count)]) / rate
     return t if end - t[-1] <= same_instant(end) else np.append(t, end)
+
+
+def check_memory(samples: int, joints: int, source: str) -> None:
+    """Refuse a motion whose inverse dynamics does not fit the machine's memory.
+
+    Raises:
+        TrajectoryError: says how much it takes.
+    """
+    need, there = (
+        samples * joints * _BYTES,
+        os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"),
+    )
+    if need > there:
+        raise TrajectoryError(
+            f"{source}: {samples} samples of {joints} joints take some {1e-9 * need:.0f} GB, and "
+            f"this machine has {1e-9 * there:.0f} GB: lower the sample_rate"
+        )

@@ -46,7 +46,7 @@ from pinfric.model.schema import Moments
 from pinfric.model.yamlfile import read_yaml
 from pinfric.motions.joint_columns import JointColumn, limit_problems, refuse
 from pinfric.motions.log.reading import ANGLE_UNITS
-from pinfric.motions.sample_times import same_instant, sample_times
+from pinfric.motions.sample_times import check_memory, same_instant, sample_times
 from pinfric.motions.table import TrajectoryTable
 
 if TYPE_CHECKING:
@@ -313,6 +313,7 @@ def sample_waypoints(
     end, rate = moves[-1].departure, waypoints.sample_rate
     rests = (rest for move in moves for rest in move.rests)
     t, close = sample_times(end, rate, rests, source), same_instant(end)
+    check_memory(len(t), len(columns), source)
     arrivals = [np.searchsorted(t, move.arrival - close) for move in moves]
     phase = np.searchsorted(arrivals, np.arange(t.size), side="right") - 1
     attached = dict(zip(payloads, carried_on(waypoints, payloads)[phase].T, strict=True))

@@ -18,6 +18,7 @@ from pinfric.elastic.matters import elastic_effect
 from pinfric.errors import TrajectoryError
 from pinfric.model.described import in_json
 from pinfric.motions import sample_times
+from pinfric.motions.sample_times import check_memory
 from pinfric.motions.sample_times import sample_times as times
 from pinfric.motions.summary import ends_by_magnitude, summarize
 from pinfric.sizing.summary import sizing_summary
@@ -95,6 +96,16 @@ def test_what_no_time_can_be():
         times(1e11, 1.0, [(0.0, 1e11)], "file")
     with pytest.raises(TrajectoryError, match="samples; at most 20000000 are made"):
         times(1e6, 1000.0, [(0.0, 1.0)], "file")
+
+
+def test_what_does_not_fit_the_memory_is_refused(monkeypatch):
+    """Linux ends a process that takes more, without a word."""
+    monkeypatch.setattr("os.sysconf", {"SC_PHYS_PAGES": 4_000_000, "SC_PAGE_SIZE": 4096}.get)
+    check_memory(10_000_000, 10, "file")
+    with pytest.raises(
+        TrajectoryError, match=r"20000000 samples of 10 joints take some 30 GB, .* 16"
+    ):
+        check_memory(20_000_000, 10, "file")
 
 
 def test_a_hold_of_a_day_is_sized(tmp_path):
