@@ -281,8 +281,9 @@ def find_columns(
     named = {c for c, cell in zip(header, first, strict=False) if cell in numbered.values()}
     if mapping is not None:
         _apply(mapping, header, names, claims, columns, problems)
+    uneven = ""
     if not columns.position and not any(quantity == "position" for _, quantity in claims):
-        _take_in_order(header, names, claims, said, currents)
+        uneven = _take_in_order(header, names, claims, said, currents)
     _settle(claims, columns, problems, currents)
     turned = [use.column for use in columns.position.values() if _ODRIVE.search(use.column)]
     if any(use.unit is None for use in columns.position.values() if use.column in turned):
@@ -299,11 +300,11 @@ def find_columns(
     other = sorted({quantity for _, quantity in claims})
     if not columns.position and names and other:
         problems.append(
-            f"has {' and '.join(other)} of the joints, but no positions, which are needed"
+            f"{uneven}has {' and '.join(other)} of the joints, but no positions, which are needed"
         )
     elif not columns.position and names:
         problems.append(
-            f"no column is a joint of the scene ({listing(names)}); there are: "
+            f"no column is a joint of the scene ({listing(names)}); {uneven}there are: "
             f"{_shown(header)}; map them by --columns FILE, a YAML file with "
             f"`joints: {{{names[0]}: COLUMN}}`"
         )
@@ -316,11 +317,13 @@ def _take_in_order(
     claims: dict[tuple[str, str], list[str]],
     said: Remarks,
     currents: Collection[str],
-) -> None:
+) -> str:
     """Take columns that number the joints in the scene's order, if there is one for each.
 
-    For example `actual_q_0` to `actual_q_5`, `q1` to `q6`, `A1`.
+    For example `actual_q_0` to `actual_q_5`, `q1` to `q6`, `A1`. Returned is a clause on positions
+    of which there is not one for each.
     """
+    uneven = ""
     groups: dict[tuple[str, str], dict[int, str]] = {}
     for column in dict.fromkeys(header):
         match = re.fullmatch(r"(\D*?)[_\[.]?(\d+)\]?(\D*)", _in_words(column[:_LONGEST_NAME]))
@@ -339,15 +342,13 @@ def _take_in_order(
         known = all(word in _QUANTITY or word in _FILLERS for word in words)
         known &= not (legged and any(map(_MOTOR_STATE.search, group.values())))
         numbers = sorted(group)
-        if (
-            not known
-            or not (words or axes)
-            or len(kinds) > 1
-            or "acceleration" in kinds
-            or numbers[0] > 1
-        ):
+        if not known or not (words or axes) or len(kinds) > 1 or "acceleration" in kinds:
             continue
-        if numbers != list(range(numbers[0], numbers[0] + len(names))):
+        if numbers != list(range(min(numbers[0], 1), min(numbers[0], 1) + len(names))):
+            if kinds <= {"position"} and len(group) > 1:
+                uneven = (
+                    f"{listing(group.values())} are not one for each joint, numbered from 0 or 1; "
+                )
             continue
         ordered, kind = [group[number] for number in numbers], next(iter(kinds), "position")
         for name, column in zip(names, ordered, strict=True):
@@ -358,6 +359,7 @@ def _take_in_order(
             f"columns {ordered[0]} to {ordered[-1]} are read in the scene's order, "
             f"{names[0]} to {names[-1]}"
         )
+    return uneven
 
 
 def _unitree_order(names: Sequence[str]) -> tuple[str, ...]:

@@ -117,6 +117,7 @@ def read_log(
         name, log = str(source), _open(source, joints)
         mapping = read_mapping(source, options.columns)
     log = one_episode(log, mapping.episode if mapping else None, said)
+    refuse(name, said.problems)
     said.notes += log.notes
     columns = find_columns(log.header, log.first, joints, payloads, mapping, said, options.currents)
     columns.effort = {x: use for x, use in columns.effort.items() if x not in options.without}

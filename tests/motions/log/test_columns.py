@@ -167,6 +167,10 @@ def test_telegrams_of_kuka_that_are_no_log(tmp_path):
     for text, says in (
         ("\n".join(lines[:201] + lines[1:200]), "at line 202"),
         (rsi(axes=1), "no column is a joint of the scene"),
+        (
+            whole.replace("AIPos.A2", "AIPos.A3"),
+            "AIPos.A1, AIPos.A3 are not one for each joint, numbered",
+        ),
         (lines[0], "has a header and no samples"),
         (whole.replace("AIPos", "X"), "has current and effort of the joints, but no positions"),
         (whole.replace("IPOC", "Delay"), "times are seconds"),
