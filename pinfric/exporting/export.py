@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -225,7 +225,8 @@ def export(
         )
     columns, form = check_plain_tree(scene), FORMATS[to]
     result, name = _along(scene, trajectory)
-    joints, left_out = joint_constants(result, columns, tuple(form.terms)), _left_out(scene, to)
+    joints = joint_constants(result, columns, tuple(form.terms))
+    left_out = (*_left_out(scene, to), *_builds_up(scene, to, joints))
     lines = {joint.joint: joint_line(joint, form) for joint in joints}
     notes, creep = _loads(scene, result), np.zeros(len(joints))
     if to == "mjcf":
@@ -303,7 +304,7 @@ def _along(scene: Scene, trajectory: MotionLike | None) -> tuple[InverseResult, 
         q, v, a = random_states(scene)
         result = inverse_dynamics(scene, q, v, a)
         return result, f"{len(q)} random states inside the limits"
-    result = inverse_dynamics(scene, trajectory)
+    result = inverse_dynamics(scene.without_presliding, trajectory)  # no engine lets it build up
     return result, str(getattr(trajectory, "source", "a simulated motion"))
 
 
@@ -439,6 +440,30 @@ def _holds_spring(to: str, spring: Spring) -> bool:
     if isinstance(spring, TensionSpring):
         return to == "mjcf" and not spring.initial_tension
     return isinstance(spring, TorsionSpring) and spring.stiffness > 0.0 and to in ("mjcf", "sdf")
+
+
+def _builds_up(scene: Scene, to: str, joints: Sequence[JointConstants]) -> Iterator[str]:
+    """Say of each joint that its friction builds up, and with what MuJoCo can imitate it."""
+    if scene.ways is None:
+        return
+    ways = scene.ways.way[scene.ways.of_drive]
+    for drive, way in zip(scene.drives, ways.tolist(), strict=True):
+        if not way > 0.0:
+            continue
+        lugre = ""
+        for joint in joints if to in ("mjcf", "constants") else ():
+            if joint.joint == drive.name and joint.frictionloss > 0.0:
+                size = joint.frictionloss
+                lugre = (
+                    '; MuJoCo has `dcmotor` with input="none", motorconst="0", resistance="1" and '
+                    f'lugre="{size / way:.6g} 0 {size:.6g} {size:.6g} 0" in place of the '
+                    "frictionloss: LuGre's law with the same loops at the loads of these constants "
+                    "and away from rest, but what it holds creeps under a load that swings"
+                )
+        yield (
+            f"that the friction of {drive.name} builds up over {way:g} rad or m after a reversal: "
+            f"it acts at once{lugre}"
+        )
 
 
 def _left_out(scene: Scene, to: str) -> tuple[str, ...]:

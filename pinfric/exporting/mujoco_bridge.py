@@ -10,6 +10,10 @@ included) and the direction d of motion, or of the motion that would start,
 A gear's loss acts back on tau with the gain (F' - 1) M/(M + J) per unit of frictionloss, so in
 motion the change is divided by 1 + that gain (Newton's step): without it gears of low efficiency
 zigzag. Where that is not above 0 the gear jams, which is refused.
+
+Where friction builds up over a way d it is no limit but a force, of the share z that the positions
+say: - (1+z)/2 B_+ + (1-z)/2 B_-, with B_+- the limits above for either direction of motion and
+z <- clip(z + dq/d, -1, 1). It is explicit: its spring needs a step below sqrt(M d/B).
 """
 
 from __future__ import annotations
@@ -79,7 +83,7 @@ class MujocoFriction:
             data: MjData of the model, with its `qpos`, `qvel` and `ctrl`.
 
         Raises:
-            PinfricError: a gear jams.
+            PinfricError: a gear jams; a step too long for what builds up.
         """
         limits = []
         for robot in self._robots:
@@ -92,6 +96,7 @@ class MujocoFriction:
                 robot.write(np.where(robot.resting(data), _HELD, robot_limits))
         for robot, robot_limits in zip(self._robots, limits, strict=True):
             robot.write(robot_limits)
+            robot.begin_to_build_up(data, robot_limits)
 
     def step(self, data: Any) -> None:
         """Advance by one time step, then set the limits of the next: `mj_step` with friction.
@@ -100,7 +105,8 @@ class MujocoFriction:
             data: MjData of the model, after `start`.
 
         Raises:
-            PinfricError: a gear jams; the time step, the integrator or a flag was changed.
+            PinfricError: a gear jams; the time step, the integrator or a flag was changed; a step
+                too long for what builds up.
         """
         mujoco, model = self._mujoco, self.model
         if model.opt.timestep != self._timestep:
@@ -110,7 +116,11 @@ class MujocoFriction:
             )
         _check_options(mujoco, model)
         before = data.qvel.copy()
+        for robot in self._robots:
+            data.qfrc_applied[robot.dofs] += robot.built_up
         mujoco.mj_step(model, data)
+        for robot in self._robots:
+            data.qfrc_applied[robot.dofs] -= robot.built_up
         after = data.qvel.copy()
         data.qvel[:] = before  # reactions belong to the state at which they were solved
         mujoco.mj_rnePostConstraint(model, data)
@@ -127,12 +137,20 @@ class MujocoFriction:
         `start` wherever a state does not follow from the last step, so at each rollout's start.
 
         Raises:
-            PinfricError: no C++ compiler; no MjSpec was given; another control or sensor callback
+            PinfricError: friction that builds up over a way (`step` has it); no C++ compiler; no
+                MjSpec was given; another control or sensor callback
                 is set; at the end of the `with`: a gear jammed, or the time step, the integrator or
                 a flag was changed.
 
         Source: MuJoCo documentation, API reference: physics callbacks.
         """
+        for scene in self.scenes.values():
+            if scene.ways is not None:
+                raise PinfricError(
+                    f"{scene.source}: presliding: friction that builds up over a way is in `step` "
+                    "only, not in MuJoCo's callback; take `step`, or leave it out "
+                    "(`scene.without_presliding`)"
+                )
         if self._callback is None:
             refused = sum(_bit(self._mujoco, flag) for flag in _FLAGS)
             constants = {"LEAST": _LEAST, "HELD": _HELD, "REFUSED": refused}
@@ -146,8 +164,18 @@ class MujocoFriction:
                 self._calls = False
 
     def sticking(self, data: Any) -> np.ndarray:
-        """Return (na,) bool, whether each joint stuck in the last step."""
-        return np.concatenate([_sticking(*robot.last(data)) for robot in self._robots])
+        """Return (na,) bool, whether each joint stuck in the last step, or had not slipped."""
+        return np.concatenate(
+            [
+                np.where(robot.builds, np.abs(robot.share) < 1.0, _sticking(*robot.last(data)))
+                for robot in self._robots
+            ]
+        )
+
+    @property
+    def share(self) -> np.ndarray:
+        """(na,) share z of friction that has built up, 0 where it acts at once; to save it."""
+        return np.concatenate([robot.share for robot in self._robots])
 
     def limit(self, data: Any) -> np.ndarray:
         """Return (na,) the friction limits of the next step (N m or N)."""
@@ -201,6 +229,10 @@ class _Robot:
         self._site = np.full(len(own), -1)
         self._site[self._tables.velocity_index] = np.arange(len(scene.sites))
         self._armature = np.array([body.armature for body in own])
+        ways = scene.ways
+        self._way = np.zeros(len(own)) if ways is None else ways.way[ways.of_drive]
+        self.builds = self._way > 0.0
+        self.share, self.built_up, self._at = np.zeros((3, len(own)))
 
     def names(self) -> dict[int, str]:
         own = zip(self._joint.tolist(), self.counts, self.row, strict=True)
@@ -226,8 +258,45 @@ class _Robot:
         return self._joint, self.row, self._armature, self._share, self.counts
 
     def write(self, limits: np.ndarray) -> None:
-        """Set the limits (na,) of the joints that count."""
+        """Set the limits (na,) of the joints that count; what builds up is a force, see `step`."""
         self.model.dof_frictionloss[self._written] = limits[self.counts]
+
+    def begin_to_build_up(self, data: Any, limits: np.ndarray) -> None:
+        """Begin with the friction (na,) that holds a joint, or of one that moves."""
+        if self.builds.any():
+            held = -self.last(data)[0] / np.maximum(limits, _LEAST)
+            moving = np.sign(data.qvel[self.dofs])
+            share = np.where(self.resting(data), np.clip(held, -1.0, 1.0), moving)
+            self.share, self._at = np.where(self.builds, share, 0.0), data.qpos[self._qpos].copy()
+            self.write(self._build_up(data, limits))
+
+    def _build_up(self, data: Any, limits: np.ndarray) -> np.ndarray:
+        """Write the forces of what builds up; return the limits (na,) of all others."""
+        if not self.builds.any():
+            return limits
+        there = data.qpos[self._qpos]
+        moved = np.where(self.builds, there - self._at, 0.0)
+        self._at = there.copy()
+        share = np.clip(self.share + moved / np.where(self.builds, self._way, 1.0), -1.0, 1.0)
+        self.share = np.where(self.builds, share, 0.0)
+        moves, none = np.zeros(len(self.dofs), dtype=bool), np.full(len(self.dofs), np.nan)
+        ahead, back = (
+            self._limits(data, moves, np.full(len(self.dofs), way), none) for way in (1.0, -1.0)
+        )
+        z, mobility = self.share, self.model.dof_invweight0[self.dofs]
+        force = 0.5 * (1.0 - z) * back - 0.5 * (1.0 + z) * ahead
+        self.built_up = np.where(self.builds, force, 0.0)
+        stiff = np.maximum(ahead, back) / np.where(self.builds, self._way, np.inf)
+        fast = float(self.model.opt.timestep) * np.sqrt(stiff * mobility)
+        if (fast >= 1.0).any():
+            d = int(np.argmax(fast))
+            raise PinfricError(
+                f"{self.scene.source}: presliding: {self.scene.drives[d].name}: a time step of "
+                f"{self.model.opt.timestep:g} s is too long for friction that builds up over "
+                f"{self._way[d]:g}: take one below {self.model.opt.timestep / fast[d]:.2g} s, or "
+                "leave it out"
+            )
+        return np.where(self.builds, _LEAST, limits)
 
     def resting(self, data: Any) -> np.ndarray:
         """(na,) bool, whether a joint is at or below its stick velocity."""
@@ -243,7 +312,8 @@ class _Robot:
         (force, used), rate = self.last(data), data.qvel[self.dofs]
         sticks = _sticking(force, used)
         fast = ~sticks & (np.abs(rate) > self._gears.stick_velocity)
-        return self._limits(data, sticks, np.where(fast, rate, -force), used)
+        limits = self._limits(data, sticks, np.where(fast, rate, -force), used)
+        return self._build_up(data, limits)
 
     def loads(self, data: Any, wrench: np.ndarray) -> np.ndarray:
         tables, load = self._tables, np.zeros((1, len(self.scene.sites)))
