@@ -39,6 +39,11 @@ _ONE_ROBOT = 0.3
 #: Error of the fit of all logs in one of them, as a share of its effort and over that of the log's
 #: own fit, from which they may be of two robots.
 _UNLIKE, _OWN_ERROR = 0.1, 2.0
+#: Of an effort or an angle of the other sign.
+_REMEDY = (
+    "in a file given by --columns `effort_scale: -1` turns the effort alone (or the factor to N m, "
+    "negative), `sign: -1` turns angle and effort"
+)
 
 
 def check_efforts(scene: Scene, rows: Sequence[Rows], confirmed: Collection[str]) -> None:
@@ -64,14 +69,12 @@ def check_efforts(scene: Scene, rows: Sequence[Rows], confirmed: Collection[str]
             problems.append(
                 f"joint {name}: its effort falls where the robot's weight makes it rise (slope "
                 f"{slope:.2f}, correlation {correlation:.2f}): the sign of the effort or of the "
-                "angle, or the zero of the angle, is wrong; correct it by `sign` and `offset` in a "
-                "file given by --columns"
+                f"angle, or the zero of the angle, is wrong; {_REMEDY}; `offset` moves the zero"
             )
         elif _turned(own, theta):
             problems.append(
                 f"joint {name}: its effort acts against its motion, as if friction or inertia "
-                "drove it: the sign of the effort or of the angle is wrong; correct it by `sign` "
-                "in a file given by --columns"
+                f"drove it: the sign of the effort or of the angle is wrong; {_REMEDY}"
             )
         elif (
             correlation > _CORRELATION

@@ -96,15 +96,26 @@ def test_efforts_without_gravity_are_named_and_give_friction_but_no_inertias():
     assert np.sqrt(np.mean(off**2)) < 0.35 * np.sqrt(np.mean(lift**2))
 
 
-def test_a_turned_sign_shows_by_inertia_where_it_is_more_than_friction():
+def test_a_turned_sign_shows_by_inertia_where_it_is_more_than_friction(tmp_path):
     t = np.arange(0.0, 12.0, 0.01)
     model = chain(("turntable", pin.JointModelRZ(), lump(5.0, moment=1.0)))
     effort = 0.5 * np.sign(np.cos(3.0 * t)) - 9.0 * np.sin(3.0 * t)
     given = pf.Log(t, np.sin(3.0 * t)[:, None], effort[:, None])
     found = pf.identify(pf.Scene(model), given, laws={"turntable": Law()})
     assert found.errors["turntable"].error < 0.05 * found.errors["turntable"].rms
-    with pytest.raises(IdentificationError, match="turntable: its effort acts against"):
+    with pytest.raises(IdentificationError, match="turntable: its effort acts against") as turned:
         pf.identify(pf.Scene(model), replace(given, effort=-effort[:, None]))
+    # what it says to do
+    assert "`effort_scale: -1` turns the effort alone" in str(turned.value)
+    rows = np.column_stack((t, given.q, -effort))
+    header = "t,turntable,drive"
+    np.savetxt(tmp_path / "log.csv", rows, delimiter=",", fmt="%.9g", header=header, comments="")
+    (tmp_path / "log.columns.yaml").write_text(
+        "joints: {turntable: {position: turntable, effort: drive, effort_scale: -1}}\n"
+    )
+    mended = pf.identify(pf.Scene(model), tmp_path / "log.csv", laws={"turntable": Law()})
+    for own, before in zip(mended.parameters, found.parameters, strict=True):
+        assert own.value == pytest.approx(before.value, rel=1e-3, abs=1e-6)
 
 
 def test_efforts_that_were_not_measured_and_logs_that_hardly_move_are_refused():
