@@ -22,7 +22,7 @@ from pinfric.friction.problem import Problem
 from pinfric.kernels.compiled import kernel
 
 #: Up to so many frictions that follow loads all solutions are found; most simplices to look at.
-MOST_COUPLED, MOST_PARTS = 6, 8_000
+MOST_COUPLED, MOST_PARTS = 6, 20_000
 #: Solutions closer than this, relative to their size, are one; a simplex so small is not cut.
 _DISTINCT, _SMALL = 1e-6, 1e-7
 #: Simplices that are examined together, those cut last first.
