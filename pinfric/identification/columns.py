@@ -39,6 +39,8 @@ _BESIDE, _AT_ENDS = 0.35, 0.3
 #: Periods of it between samples from which a reversal between two of them is left out: both signs
 #: fall on samples, which draws a delay to multiples of the step.
 _COARSE = 0.125
+#: s: half of the time as slow as noise from which a joint rests, and does not only turn.
+_TURN = 0.1
 #: Samples of all logs that are kept, an hour at 4 Hz: residuals are autocorrelated over a longer
 #: time than these are apart, so more would tell little.
 _MOST = 15_000
@@ -102,6 +104,8 @@ class Prepared:
         presliding: (n, nj, 3) of friction that builds up after reversals; only the delay has it.
         turns: (n, nj) sliding rows so soon after a reversal that friction may still build up.
         missing: (T, nj) gravity by the URDF where the efforts hold none, else 0, N m or N.
+        share: (T, nj) of dry friction against forward motion: the sign of the velocity, or what
+            has built up of it.
     """
 
     recording: Recording
@@ -118,6 +122,7 @@ class Prepared:
     presliding: FloatArray
     turns: BoolArray
     missing: FloatArray
+    share: FloatArray
 
 
 def thinning(recordings: Sequence[Recording]) -> int:
@@ -186,6 +191,7 @@ def prepare(
         presliding,
         turns & slides,
         missing,
+        np.sign(v),
     )
 
 
@@ -283,12 +289,31 @@ def _sliding(recording: Recording, known: BoolArray) -> BoolArray:
     """(T, nj) where a joint slides with a known effort, turning points left out."""
     step, v = recording.step, recording.velocity
     stands = (np.abs(v) <= recording.slowest) | ~known
-    if step * PASS > _COARSE:  # else signs tell the reversals, and these the delay
+    if coarse(step):  # else signs tell the reversals, and these the delay
         stands[1:] |= v[1:] * v[:-1] < 0.0  # between two samples it was as slow
     slides = ~_beside(stands, step)
     ends = int(np.ceil(_AT_ENDS / step))
     slides[:ends] = slides[-ends:] = False
     return slides
+
+
+def coarse(step: float) -> bool:
+    """Return whether samples (s apart) are so rare that signs fall on them at reversals."""
+    return step * PASS > _COARSE
+
+
+def unresting(recording: Recording) -> BoolArray:
+    """(T, nj) where a joint moves or only turns, with a known effort."""
+    step, known = recording.step, np.isfinite(recording.effort)
+    slow = np.abs(recording.velocity) <= recording.slowest
+    reach = int(np.ceil(_TURN / step))
+    count = np.cumsum(np.pad(slow, ((reach, reach), (0, 0)), mode="edge"), axis=0)
+    held = np.zeros_like(slow)
+    held[:] = (count[2 * reach :] - np.pad(count, ((1, 0), (0, 0)))[: -2 * reach - 1]) > 2 * reach
+    moves = ~_beside(held, step) & ~_beside(~known, step)
+    ends = int(np.ceil(_AT_ENDS / step))
+    moves[:ends] = moves[-ends:] = False
+    return moves
 
 
 def _beside(where: BoolArray, step: float) -> BoolArray:
@@ -326,7 +351,9 @@ def with_loads(prepared: Prepared, scene: Scene, inner: FloatArray) -> Prepared:
         slots[:, j, slot], rates[:, j, slot] = thinned(passed(column, step), kept, step)
 
     for j, name in enumerate(scene.joint_names):  # one after another: long logs fill the memory
-        sign = np.sign(recording.velocity[:, j])
+        sign = prepared.share[:, j]
+        for slot, dry in ((FORWARD, np.maximum(sign, 0.0)), (BACKWARD, np.minimum(sign, 0.0))):
+            put(j, slot, dry)
         if name in probe.site_names:
             bearing[:, j] = sites[:, probe.site_names.index(name)]
             put(j, BEARING, sign * bearing[:, j])

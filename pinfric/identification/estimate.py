@@ -32,6 +32,7 @@ from pinfric.identification.columns import (
     Prepared,
     Rows,
     blocks,
+    coarse,
     joint_rows,
     prepare,
     settled,
@@ -71,8 +72,9 @@ from pinfric.identification.stribeck import (
     stribeck_decay,
     with_stribeck,
 )
+from pinfric.identification.ways import FEWEST, Build, find_ways, reversals, with_ways
 from pinfric.model.arrays import BoolArray, FloatArray
-from pinfric.model.couples import mixed
+from pinfric.model.couples import mixed, taking_part
 from pinfric.model.scene import Scene
 
 #: Both losses of a gear show where the load drives and is driven in at least this share of the
@@ -138,6 +140,7 @@ class Estimate:
             choice nor for the fit, N m or N.
         distrusted: joints whose chosen laws were worse there than plain friction, now taken.
         gravity: see `gravity_scales`.
+        build: ways over which friction builds up; None: nothing asks for one.
     """
 
     question: Question
@@ -153,6 +156,12 @@ class Estimate:
     errors: tuple[FloatArray, FloatArray] = (np.zeros(0), np.zeros(0))
     distrusted: tuple[int, ...] = ()
     gravity: Mapping[int, tuple[float, float]] = field(default_factory=dict)
+    build: Build | None = None
+
+    @property
+    def builds_up(self) -> bool:
+        """Whether the friction of any joint builds up over a way."""
+        return self.build is not None and any(self.build.ways)
 
     @cached_property
     def unexplained(self) -> dict[int, float]:
@@ -208,7 +217,9 @@ def estimate(question: Question, progress: Callable[[int, int], object]) -> Esti
             check_gravity(scene, result.gravity, question.gains)
     check_efforts(scene, result.rows, question.gains)
     check_limits(scene, result.rows, result.fit, logs, question.gains)
-    _find_delay(result)
+    _find_ways(result)
+    if not result.builds_up:
+        _find_delay(result)
     _fit(result, plain)
     for number in range(4):
         if number >= 2 and not any(law.stribeck_slots for law in result.choice.laws):
@@ -222,7 +233,10 @@ def estimate(question: Question, progress: Callable[[int, int], object]) -> Esti
             fits.append(find_stribeck(*arguments, parts) if parts else None)
         result.stribeck = tuple(fits)
         laws = [offered(result, j) for j in range(len(result.rows))]
-        _find_delay(result, reload=True)
+        if result.builds_up:  # its delay was found with the ways
+            result.prepared = tuple(reloaded(result, log) for log in result.prepared)
+        else:
+            _find_delay(result, reload=True)
         _fit(result, laws)
     touched = () if question.contacts else contacts(result.prepared, result.rows, result.fit)
     if touched:  # all again: laws and delay were found beside it
@@ -277,6 +291,27 @@ def _take_plain(estimate: Estimate, where: BoolArray) -> None:
     estimate.errors = nested_errors(estimate.problem, estimate.rows)
     estimate.choice = replace(estimate.choice, errors=errors)
     estimate.distrusted = tuple(np.flatnonzero(where).tolist())
+
+
+def _find_ways(estimate: Estimate) -> None:
+    """Find the ways over which friction builds up, and with them the delay, by plain friction."""
+    scene = estimate.question.scene
+    if taking_part(scene.drives) or any(coarse(log.recording.step) for log in estimate.prepared):
+        return  # friction there follows the motors' angles; signs would draw the delay
+    strokes = [
+        sum(reversals(log, j).size + 1 for log in estimate.prepared if log.slides[:, j].any())
+        for j in range(scene.model.nv)
+    ]
+    offered = np.array(strokes) >= FEWEST
+    if not offered.any():
+        return
+    build = find_ways(estimate.prepared, urdf_prior(scene.model, kept=False), offered)
+    estimate.build = build
+    if build is not None and estimate.builds_up:
+        estimate.prepared = tuple(with_ways(log, build.ways) for log in estimate.prepared)
+        logs = ((build.delay, build.error),) * len(estimate.prepared)
+        estimate.delay = Delay(build.delay, build.error, logs, {}, (False,) * len(logs))
+        estimate.prepared = tuple(reloaded(estimate, log) for log in estimate.prepared)
 
 
 def _find_delay(estimate: Estimate, reload: bool = False) -> None:
@@ -454,8 +489,9 @@ def reloaded(estimate: Estimate, prepared: Prepared, scene: Scene | None = None)
     v = prepared.recording.velocity
     inner = np.zeros_like(v)
     for j, values in enumerate(estimate.fit.slots):
-        sign = np.sign(v[:, j])
-        inner[:, j] = values[FORWARD] * (sign > 0.0) - values[BACKWARD] * (sign < 0.0)
+        sign, share = np.sign(v[:, j]), prepared.share[:, j]
+        inner[:, j] = values[FORWARD] * np.maximum(share, 0.0)
+        inner[:, j] += values[BACKWARD] * np.minimum(share, 0.0)
         for slot, p in SPEEDS.items():
             inner[:, j] += values[slot] * sign * np.abs(v[:, j]) ** p
         if estimate.stribeck and (stribeck := estimate.stribeck[j]) is not None:

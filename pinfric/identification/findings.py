@@ -34,6 +34,22 @@ class HeldOut:
         "RMS of the measured effort in all moving rows", EFFORT, "effort\nRMS"
     )
     moving_error: float = quantity("RMS of measured less predicted in all moving rows", EFFORT)
+    reversal_rms: float = quantity(
+        "RMS of the measured effort in moving rows up to 0.3 s after a reversal; NaN: none",
+        EFFORT,
+        default=float("nan"),
+    )
+    reversal_error: float = quantity(
+        "RMS of measured less predicted by the identified scene in these rows",
+        EFFORT,
+        default=float("nan"),
+    )
+
+    @property
+    @derived()
+    def reversal_share(self) -> float:
+        """The error in rows after reversals as a share of the measured effort there."""
+        return self.reversal_error / self.reversal_rms if self.reversal_rms else float("nan")
 
     @property
     @derived(heading="error\nmoving", cell="{moving_share:percent}")

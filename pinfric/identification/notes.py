@@ -77,7 +77,7 @@ def notes(
     ]
     if place := place_note(estimate.question.scene, estimate.question.at):
         lines.append(place)
-    lines += _of_logs(estimate)
+    lines += _of_logs(estimate) + _of_ways(estimate)
     slid = [j for j, rows in enumerate(estimate.rows) if rows.effort.size]
     lines += _by_joint(
         _of_motion(estimate, slid)
@@ -276,7 +276,7 @@ def _of_logs(estimate: Estimate) -> list[str]:
             f"friction builds up after reversals (presliding) in {', '.join(names)}: the fit "
             f"leaves out the first {1e3 * PRESLIDING[-1]:.0f} mrad or mm after each"
         )
-    if sum(moving) > 1:
+    if sum(moving) > 1 and not estimate.builds_up:
         logs = zip(estimate.prepared, delay.logs, strict=True)
         each = [
             f"{log.recording.name} {1e3 * value:.1f} +- {1e3 * error:.1f} ms"
@@ -334,6 +334,27 @@ def _scales(estimate: Estimate, misfit: Set[int]) -> list[str]:
         "ask for, whatever the links' masses: its unit, gear ratio or motor constant? Give the "
         f"factor to N m by --gain {first}=FACTOR ({first}=1 if it is in N m)"
     ]
+
+
+def _of_ways(estimate: Estimate) -> list[str]:
+    """Ways over which friction builds up, and those that the logs do not tell."""
+    build, names = estimate.build, estimate.scene.joint_names
+    if build is None:
+        return []
+    found = [
+        f"{names[j]} {way.value:.2g} ({100 * way.gain:.0f} % of the square)"
+        for j, way in enumerate(build.ways)
+        if way is not None
+    ]
+    shape = "gradually" if any(way and way.gradual for way in build.ways) else "evenly"
+    lines = [
+        f"friction builds up {shape} after reversals (presliding), over a way in rad or m; delay "
+        f"and ways were found together: {', '.join(found)}"
+    ]
+    refused = [f"{names[j]} {why}" for j, why in build.refused.items()]
+    return lines * bool(found) + [
+        f"a way over which friction builds up is not determined: {'; '.join(refused)}"
+    ] * bool(refused)
 
 
 def _delays(estimate: Estimate) -> list[str]:

@@ -40,9 +40,10 @@ from pinfric.identification.laws import (
 from pinfric.identification.recordings import STILL, stick_velocity
 from pinfric.identification.rest import BreakAway
 from pinfric.identification.uncertainty import Uncertainty
+from pinfric.identification.ways import BLOCKS, Way
 from pinfric.model.arrays import FloatArray
 from pinfric.model.bearings import Gear
-from pinfric.model.described import SPEED, described, quantity, unit_at
+from pinfric.model.described import PLACE, SPEED, described, quantity, unit_at
 from pinfric.model.scene import Scene
 from pinfric.model.schema import Actuator, Friction
 from pinfric.model.transmission import Transmission
@@ -63,7 +64,10 @@ NO_FRICTION = Friction()
 #: Why one efficiency of two is not known.
 _ONE_LOSS = "with free masses only the product of both efficiencies is known"
 #: Keys of a transmission that logs of the motor's effort replace.
-_LOSSES = {"efficiency", "back_efficiency", "no_load_torque", "motor_viscous", "rotor_inertia"}
+_LOSSES = {
+    *("efficiency", "back_efficiency", "no_load_torque", "motor_viscous", "rotor_inertia"),
+    "presliding",
+}
 _DRIVEN = [slot for (_, way), slot in GEARS.items() if way == "driven"]
 
 
@@ -146,6 +150,8 @@ def parameters(
         estimate: the coefficients. known: their uncertainty.
         static: joint, FORWARD or BACKWARD -> friction at which it broke away.
     """
+    from scipy.special import stdtrit
+
     slots, result = estimate.problem.slots(estimate.choice.laws), []
     for j in estimate.known:
         law, ratio = estimate.choice.laws[j], abs(estimate.scene.drives[j].ratio)
@@ -196,7 +202,19 @@ def parameters(
             result.append(
                 Parameter("friction", name, key, unit, v, low, high, error * v, not why, why)
             )
+        if way := way_of(estimate, j):
+            reach = float(stdtrit(BLOCKS - 1, 0.975)) * way.error
+            least, most = (way.value * float(np.exp(x)) for x in (-reach, reach))
+            unit = unit_at(PLACE, effort_unit(estimate.scene, j))
+            section, key = "transmission" if on_motor(law) else "friction", "presliding.way"
+            error = way.error * way.value
+            result.append(Parameter(section, name, key, unit, way.value, least, most, error, True))
     return tuple(result)
+
+
+def way_of(estimate: Estimate, joint: int) -> Way | None:
+    """Return the way over which a joint's friction builds up, or None: at once."""
+    return None if estimate.build is None else estimate.build.ways[joint]
 
 
 def _both_losses(
@@ -297,6 +315,9 @@ def _entries(
             "velocity": _rounded(stribeck.velocity),
             "exponent": stribeck.exponent,
         }
+    if way := way_of(estimate, joint):
+        entry = {"way": _rounded(way.value), "shape": "gradual" if way.gradual else "sharp"}
+        (friction if {"coulomb", "mu"} & friction.keys() else gear)["presliding"] = entry
     if law.load == "gear" and law.both_ways:
         gear["back_efficiency"] = "same_loss"
     # behind a gear whose losses grow with this friction, it is the joint's own

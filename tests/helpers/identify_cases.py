@@ -297,6 +297,7 @@ def prepared_of(v: np.ndarray, columns: dict, **more: object) -> Prepared:
     given = {"kept": np.arange(len(v)), "slides": (v != 0.0)[:, None], "load": still}
     given |= {"rigid": np.zeros((len(v), 1, 10)), "effort": None, "payload": still}
     given |= {"missing": still, "presliding": np.zeros((len(v), 1, 3))}
+    given |= {"share": np.sign(v)[:, None]}
     given |= {"bearing": still, "turns": np.zeros((len(v), 1), dtype=bool)} | more
     slots = rows_of(t, columns).slots[:, None]
     given |= {"rigid_rates": given["rigid"], "slot_rates": 0.0 * slots}

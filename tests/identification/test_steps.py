@@ -321,6 +321,7 @@ def test_intervals_and_errors_of_a_coefficient_are_those_in_the_scenes_terms(law
         problem=SimpleNamespace(slots=lambda laws: [laws[0].slots]),
         fit=fit_of({slot: 0.3}),
         question=SimpleNamespace(inertias_stay=True),
+        build=None,
     )
     sure = Uncertainty(np.array([slot]), 1e-4 * np.eye(1), np.zeros((1, 1)), 10, 1, np.zeros(1))
     one, *product = (p for p in parameters(found, sure, {}) if not p.why)
@@ -353,6 +354,7 @@ def test_a_joint_without_friction_gets_no_entry():
         fit=fit_of({}),
         rows=[None],
         question=SimpleNamespace(motor=True),
+        build=None,
     )
     assert _entries(found, 0, {}) == ({}, {})
 

@@ -1,0 +1,109 @@
+"""Ways over which friction builds up, found from logs."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from identify_cases import NAMES, PLAIN, guess
+from identify_wrong_models import WAY, wrong_log
+
+import pinfric as pf
+from pinfric.identification.notes import _of_ways
+from pinfric.identification.prediction import after_reversals
+from pinfric.identification.ways import TRIED, Build, Way, _refusal, shares
+
+
+@pytest.fixture(scope="module")
+def building():
+    """Friction of six joints that builds up over 5 mrad, after Dahl, from 30 s of log."""
+    return pf.identify(guess(21), wrong_log("presliding", 21, 30.0, 125.0), laws=PLAIN)
+
+
+def test_each_way_is_found_and_its_interval_holds_it(building):
+    ways = {p.joint: p for p in building.parameters if p.name == "presliding.way"}
+    assert set(ways) == set(NAMES)
+    for name in (NAMES[0], *NAMES[3:]):  # the gears of two joints lose by their load, too
+        p = ways[name]
+        assert p.low < WAY < p.high, name
+        assert p.high / p.low < 1.8, name
+        assert p.determined
+    entries = [building.scene.friction[name].presliding for name in NAMES]
+    assert {entry.shape for entry in entries} == {"gradual"}
+    assert any("friction builds up gradually after reversals" in note for note in building.notes)
+
+
+def test_errors_after_reversals_are_those_elsewhere(building):
+    """Without the ways they are several times as large, and a doubt names presliding."""
+    for name, error in building.errors.items():
+        assert error.reversal_error < 2.0 * error.error, name
+    assert not any("presliding" in doubt for doubt in building.doubts)
+
+
+def test_where_friction_jumps_no_way_is_found(found):
+    assert not found.estimate.builds_up
+    assert not any("presliding" in p.name for p in found.parameters)
+    assert all(entry.presliding is None for entry in found.scene.friction.values())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("case", ["delay", "motor turn", "filter"])
+def test_what_only_looks_like_a_way_is_none(case):
+    found = pf.identify(guess(31), wrong_log(case, 31, 40.0, 125.0), laws=PLAIN)
+    assert not found.estimate.builds_up
+
+
+def test_a_way_that_no_log_can_tell_is_refused():
+    strokes = np.array([0.1, 0.2, 0.2])
+    assert _refusal(1e-3, 1e-5, strokes) == ""
+    assert "below three times the noise" in _refusal(1e-4, 5e-5, strokes)
+    assert "which no log tells from a delay" in _refusal(3e-5, 1e-6, strokes)
+    assert "no yielding of contacts" in _refusal(TRIED[-1], 1e-5, 100.0 * strokes)
+    assert "a quarter of the amplitude of its motion, 0.1" in _refusal(0.028, 1e-5, strokes)
+
+
+def test_the_share_of_a_log_is_that_of_its_positions():
+    t = np.arange(200) * 0.01
+    q = 0.01 * np.sin(4.0 * t)
+    motion = SimpleNamespace(t=t, joint_positions=lambda: q[:, None])
+    recording = SimpleNamespace(trajectory=motion, velocity=0.04 * np.cos(4.0 * t)[:, None])
+    log = SimpleNamespace(recording=recording)
+    expected = np.zeros(200)
+    for k in range(1, 200):
+        expected[k] = np.clip(expected[k - 1] + (q[k] - q[k - 1]) / 2e-3, -1.0, 1.0)
+    found = shares(log, 0, 2e-3, gradual=False)
+    turns = np.diff(np.sign(recording.velocity[:, 0]), prepend=1.0) != 0.0
+    late = (t > 0.3) & ~turns
+    assert np.abs(found - expected)[late].max() < 0.05  # turning points between samples
+    assert np.array_equal(shares(log, 0, 0.0, gradual=False), np.sign(recording.velocity[:, 0]))
+
+
+def test_what_was_found_and_refused_is_said():
+    way = Way(2e-3, 0.1, gradual=False, gain=0.4)
+    build = Build((way, None), 0.004, 1e-4, {1: "0.03 or more: that is no yielding"})
+    scene = SimpleNamespace(joint_names=("elbow", "wrist"))
+    found, refused = _of_ways(SimpleNamespace(build=build, scene=scene))
+    assert "builds up evenly after reversals (presliding)" in found
+    assert found.endswith("elbow 0.002 (40 % of the square)")
+    assert refused.endswith("is not determined: wrist 0.03 or more: that is no yielding")
+    assert _of_ways(SimpleNamespace(build=None, scene=scene)) == []
+
+
+def test_rows_after_a_reversal_are_those_of_three_tenths_of_a_second():
+    v = np.where(np.arange(100) < 50, 1.0, -1.0)[:, None]
+    recording = SimpleNamespace(velocity=v, step=0.1, slowest=np.array([0.1]))
+    assert np.flatnonzero(after_reversals(recording)[:, 0]).tolist() == [50, 51, 52]
+
+
+def test_an_unseen_motion_has_the_efforts_of_the_true_law():
+    """All moving rows, reversals among them, of another log of the same robot."""
+    other = pf.identify(
+        guess(21),
+        wrong_log("presliding", 21, 30.0, 125.0),
+        laws=PLAIN,
+        held_out=[wrong_log("presliding", 22, 20.0, 125.0)],
+    )
+    (errors,) = other.unseen.values()
+    for name, error in errors.items():
+        assert error.moving_share < 0.05, name
