@@ -97,7 +97,7 @@ class Mechanism:
             return False
         key = stuck.tobytes(), self.factor.tobytes()
         if self._locked[0] != key:
-            rank = int(np.linalg.matrix_rank(self.factor[:, stuck], rtol=RANK))
+            rank = _rank(self.factor[:, stuck])
             self._locked = key, rank == len(self.factor)
         return self._locked[1]
 
@@ -112,7 +112,7 @@ class Mechanism:
         together |= np.equal.outer(self.block[held], self.block[held])
         groups = []
         for group in connected(together):
-            rank = np.linalg.matrix_rank(A[:, group], rtol=RANK)
+            rank = _rank(A[:, group])
             if self.ball[held[group]].any() or rank < len(group):
                 groups.append(held[group])
         return groups
@@ -417,3 +417,8 @@ def anderson(step: _Shared, x: np.ndarray, sharp: float) -> tuple[np.ndarray | N
             weights = np.linalg.lstsq(slope, -residual, rcond=1e-10)[0]
             x = image + np.array([p - image for p in points[:-1]]).T @ weights
     return None, _PASSES
+
+
+def _rank(A: np.ndarray) -> int:
+    """The rank of a matrix; older NumPy takes none without rows (a robot that is locked)."""
+    return int(np.linalg.matrix_rank(A, rtol=RANK)) if A.size else 0
