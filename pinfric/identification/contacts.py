@@ -57,6 +57,8 @@ def contacts(logs: Sequence[Prepared], rows: Sequence[Rows], fit: Fit) -> tuple[
         if far.mean() > _MOST:
             continue
         for first, last in runs(far):
+            if t[last] - t[first] < _LASTING:  # a reversal, or a spike
+                continue
             span = slice(first, last + 1)
             joint = int((off[span] / usual).max(axis=0).argmax())
             most = float(off[span, joint].max())

@@ -101,6 +101,7 @@ class Question:
         no_gravity: whether the efforts hold no gravity: then loads on bearings and gears are the
             URDF's, and the fitted links no robot's.
         contacts: times in which the robot was touched, whose efforts were taken out.
+        jumps: whether friction jumps at reversals, so that no ways are searched.
     """
 
     scene: Scene
@@ -112,6 +113,7 @@ class Question:
     without: Collection[str] = ()
     no_gravity: bool = False
     contacts: tuple[Contact, ...] = ()
+    jumps: bool = False
 
     @property
     def inertias_stay(self) -> bool:
@@ -217,7 +219,8 @@ def estimate(question: Question, progress: Callable[[int, int], object]) -> Esti
             check_gravity(scene, result.gravity, question.gains)
     check_efforts(scene, result.rows, question.gains)
     check_limits(scene, result.rows, result.fit, logs, question.gains)
-    _find_ways(result)
+    if not question.jumps:
+        _find_ways(result)
     if not result.builds_up:
         _find_delay(result)
     _fit(result, plain)
@@ -233,10 +236,7 @@ def estimate(question: Question, progress: Callable[[int, int], object]) -> Esti
             fits.append(find_stribeck(*arguments, parts) if parts else None)
         result.stribeck = tuple(fits)
         laws = [offered(result, j) for j in range(len(result.rows))]
-        if result.builds_up:  # its delay was found with the ways
-            result.prepared = tuple(reloaded(result, log) for log in result.prepared)
-        else:
-            _find_delay(result, reload=True)
+        _find_delay(result, reload=True)
         _fit(result, laws)
     touched = () if question.contacts else contacts(result.prepared, result.rows, result.fit)
     if touched:  # all again: laws and delay were found beside it
@@ -315,7 +315,10 @@ def _find_ways(estimate: Estimate) -> None:
 
 
 def _find_delay(estimate: Estimate, reload: bool = False) -> None:
-    """Find by how much efforts lag, by the present laws and perhaps renewed loads."""
+    """Find by how much efforts lag, by the present laws and perhaps renewed loads.
+
+    Where friction builds up, the delay was found with the ways; joints may still differ from it.
+    """
     slots = estimate.problem.slots(estimate.choice.laws)
     # what the next fit computes again takes much memory
     estimate.rows, estimate.row_weights, estimate.problem = (
@@ -329,6 +332,9 @@ def _find_delay(estimate: Estimate, reload: bool = False) -> None:
     prior = urdf_prior(estimate.question.scene.model, kept=False)
     logs = [replace(log, slides=log.slides | log.turns) for log in estimate.prepared]
     delays = [log_delay(log, slots, prior, estimate.delay.value) for log in logs]
+    if estimate.builds_up:
+        estimate.delay = replace(estimate.delay, joints=common_delay(delays).joints)
+        return
     estimate.delay = common_delay(delays)
     estimate.prepared = tuple(
         settled(log) if own.builds_up else log for log, own in zip(logs, delays, strict=True)

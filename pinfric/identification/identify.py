@@ -43,6 +43,8 @@ from pinfric.motions.log.frame import Log
 from pinfric.motions.log.judged import JudgedLog, compare_effort
 from pinfric.motions.log.reading import ReadingOptions
 
+#: Mean change of the logarithm of the joints' errors in all moving rows from which ways are kept.
+_EARNED = -0.05
 #: Rows of the posterior: enough for its percentiles from 1 to 99.
 _DRAWS = 400
 
@@ -143,11 +145,23 @@ def identify(
     question = Question(
         scene, recordings, effort_at, inertia == "keep", laws or {}, gain or {}, options.without
     )
-    result = estimate(question, progress or (lambda done, total: None))
+    tell = progress or (lambda done, total: None)
+    result = estimate(question, tell)
+    if result.builds_up:  # ways were found beside plain friction: laws may explain it without them
+        jumping = estimate(replace(question, jumps=True), tell)
+        built_up, jumped = _left(result), _left(jumping)
+        changes = [np.log(built_up[name] / jumped[name]) for name in built_up if name in jumped]
+        result = result if np.mean(changes) < _EARNED else jumping
     names, said = [recording.name for recording in recordings], payloads or {}
     stated = [k for k, log in enumerate(logs) if {names[k], str(log)} & said.keys()]
     check_one_robot(scene.joint_names, result.rows, _fits(result), names, stated)
     return _identified(result, unseen, seed)
+
+
+def _left(estimate: Estimate) -> dict[str, float]:
+    """Return each joint's error in all moving rows, N m or N."""
+    errors = held_out_errors(estimate, identified_scene(estimate, break_aways(estimate)))
+    return {name: max(error.moving_error, 1e-300) for name, error in errors.items()}
 
 
 def _fits(estimate: Estimate) -> list[Fit]:

@@ -20,6 +20,8 @@ from pinfric.model.arrays import FloatArray
 #: A factor is doubted beyond this share and so many standard errors. Of 21 true arms of three
 #: joints none was; of 12 with the factors 0.6, 0.75 or 1.6 at one joint 11 were.
 _LEAST, _ERRORS = 0.05, 2.5
+#: A factor with a larger standard error is not known: a last joint carries next to nothing.
+_KNOWN = 0.25
 #: Gauss-Newton steps; the third changes a factor by some thousandths.
 _ROUNDS = 3
 #: Weight of a factor's prior: only what no row determines stays at 1.
@@ -42,8 +44,11 @@ class EffortScale:
 
     @property
     def doubted(self) -> bool:
-        """Whether it is not 1."""
-        return abs(self.value - 1.0) > _LEAST + _ERRORS * self.standard_error
+        """Whether it is known and not 1."""
+        return (
+            self.standard_error < _KNOWN
+            and abs(self.value - 1.0) > _LEAST + _ERRORS * self.standard_error
+        )
 
 
 def effort_scales(estimate: Estimate) -> list[EffortScale]:

@@ -107,3 +107,12 @@ def test_an_unseen_motion_has_the_efforts_of_the_true_law():
     (errors,) = other.unseen.values()
     for name, error in errors.items():
         assert error.moving_share < 0.05, name
+
+
+def test_ways_that_the_chosen_laws_make_needless_are_not_taken(ur10):
+    """Beside plain friction four ways and a delay of -18 ms fit it, and predicted it worse."""
+    assert not ur10.estimate.builds_up
+    assert ur10.estimate.question.jumps
+    assert abs(ur10.delay) < 0.01
+    assert not any("as of a contact" in line for line in ur10.doubts)
+    assert not any("do not fit one robot" in line for line in ur10.doubts)
