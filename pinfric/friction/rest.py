@@ -33,8 +33,8 @@ from pinfric.friction.law import add_load_slopes, evaluate, slip_law, stick_limi
 from pinfric.friction.problem import Modes, Problem, bounded
 from pinfric.friction.sharing import Group, joint_sizes, share_nearby, share_one
 
-#: Passes of Anderson's extrapolation, and after how many the error must be half of what it was.
-_PASSES, _STALLED = 400, 60
+#: Passes of Anderson's extrapolation.
+_PASSES = 400
 
 
 def connected(linked: np.ndarray) -> list[np.ndarray]:
@@ -408,8 +408,6 @@ def anderson(step: _Shared, x: np.ndarray, sharp: float) -> tuple[np.ndarray | N
         best = min(best, error)
         if since > 12 and error <= 1e-12 * size:
             return image, passes  # rounding
-        if since > _STALLED:
-            return None, passes
         points, residuals = [*points[-4:], image], [*residuals[-4:], residual]
         x = image
         if len(points) > 1:

@@ -40,9 +40,9 @@ from pinfric.friction.ways import PossibleWays, Ways
 MOST_ENUMERATED = 8
 #: All modes of up to so many joints are tried in less time than a tree of them takes.
 _FEW = 2
-#: Passes of all solves of a search, some tenths of a second once compiled. A solve takes one pass
-#: in an open chain, three in a mechanism, more where friction is shared.
-MOST_PASSES = 8_000
+#: Passes of all solves of a search, a few seconds once compiled. A solve takes one pass in an open
+#: chain, three in a mechanism, more where friction is shared.
+MOST_PASSES = 20_000
 #: Passes in the modes that a tree leaves; then pivoting is tried.
 _IN_TREE = 5_000
 #: Accelerations closer than this, relative to their size, are the same one.
@@ -62,8 +62,6 @@ _GRAVITY = (
 _CHANGES, _FOR_EACH = 60, 20
 #: How often all wrong modes may change at once without fewer of them than ever before.
 _PATIENCE = 10
-#: How often balls may turn in the same modes.
-_TURNS = 30
 #: Passes after which a ball that would stick does.
 _TRANSIENT = 10
 
@@ -269,8 +267,7 @@ def _search_island(
             modes.take(start)
             _stick(modes, mechanism, {})
             outcome = _follow(_Query(problem, modes, mechanism, count), set())
-        many = modes.at_rest.sum() > MOST_ENUMERATED and (mechanism.closed or mechanism.ball.any())
-        if outcome == SearchOutcome.SOLVED or many:
+        if outcome == SearchOutcome.SOLVED or modes.at_rest.sum() > MOST_ENUMERATED:
             return outcome
     query = _Query(problem, modes, mechanism, count, several=True)
     # 1. joints that pass their dead centre are not at rest
@@ -487,10 +484,9 @@ def _follow(query: _Query, fixed: set[int]) -> SearchOutcome:
     """Find consistent modes by block pivoting with Murty's rule as a safeguard, `fixed` unchanged.
 
     All joints that violate their law change their mode at once; when this stops reducing their
-    number, only the last of them does (certain to end with a P-matrix). It ends where balls
-    do not settle.
+    number, only the last of them does (certain to end with a P-matrix).
     """
-    modes, mechanism, turns = query.modes, query.mechanism, 0
+    modes, mechanism = query.modes, query.mechanism
     fewest, patience = len(modes.stuck) + 1, _PATIENCE
     for _ in range(_CHANGES + _FOR_EACH * len(modes.stuck)):
         if query.passes <= 0:
@@ -499,10 +495,7 @@ def _follow(query: _Query, fixed: set[int]) -> SearchOutcome:
         solutions, obeying = query.solve()
         if solutions <= 0:
             return outcome_of(solutions, 0)
-        turns = turns + 1 if turn_balls(modes, mechanism) > TURNED else 0
-        if turns > _TURNS:
-            return SearchOutcome.NONE
-        if turns:
+        if turn_balls(modes, mechanism) > TURNED:
             continue
         if obeying or not modes.verdict.any():
             return query.end(solutions, max(obeying, 1))
