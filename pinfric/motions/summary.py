@@ -69,6 +69,12 @@ class ActuatorSummary:
         between("motor_rms_least", "motor_rms"),
     )
     motor_rms_least: float = quantity("least RMS there", MOTOR)
+    motor_friction_share: float = quantity(
+        "`friction_share` at the motor's shaft, with all losses between the motor and the joint: "
+        "without them the motor delivers u_0/r + r J_rotor a",
+        heading="friction\n+ losses",
+        cell="{motor_friction_share:%}",
+    )
 
 
 def summarize(result: InverseResult) -> tuple[ActuatorSummary, ...]:
@@ -88,7 +94,11 @@ def summarize(result: InverseResult) -> tuple[ActuatorSummary, ...]:
         motor_worst, motor_least = ends_by_magnitude(
             result.motor_torque_lower[:, i], result.motor_torque_upper[:, i]
         )
-        friction, without = rms(t, worst - frictionless), rms(t, frictionless)
+        # a motor's torque if nothing rubbed
+        gear, shaft = drive.transmission, frictionless
+        if gear is not None:
+            rotor = gear.ratio * gear.rotor_inertia * result.actuator_acceleration[:, i]
+            shaft = frictionless / gear.ratio + rotor
         sites, sticks = sites_on(result.scene, i), runs(rests(result, i))
         top = int(np.argmax(np.abs(worst)))
         summaries.append(
@@ -101,8 +111,8 @@ def summarize(result: InverseResult) -> tuple[ActuatorSummary, ...]:
                 rms=rms(t, worst),
                 rms_least=rms(t, least),
                 peak_frictionless=float(np.abs(frictionless).max()),
-                rms_frictionless=without,
-                friction_share=friction / (friction + without) if friction > 0 else friction,
+                rms_frictionless=rms(t, frictionless),
+                friction_share=_share(t, worst, frictionless),
                 stick_time=float(sum(t[last] - t[first] for first, last in sticks)),
                 sticks=len(sticks),
                 reversals=int(np.count_nonzero(result.reversal[:, sites].any(axis=1))),
@@ -111,9 +121,16 @@ def summarize(result: InverseResult) -> tuple[ActuatorSummary, ...]:
                 motor_peak=float(np.abs(motor_worst).max()),
                 motor_rms=rms(t, motor_worst),
                 motor_rms_least=rms(t, motor_least),
+                motor_friction_share=_share(t, motor_worst, shaft),
             )
         )
     return tuple(summaries)
+
+
+def _share(t: np.ndarray, worst: np.ndarray, frictionless: np.ndarray) -> float:
+    """Return the share of friction in an effort over time, 0 to 1; arrays (T,)."""
+    friction, without = rms(t, worst - frictionless), rms(t, frictionless)
+    return friction / (friction + without) if friction > 0 else friction
 
 
 def beyond_limits(result: InverseResult) -> tuple[str, ...]:

@@ -52,6 +52,18 @@ def summary(t, v, a, **scene) -> ActuatorSummary:
 DRY = {"friction": {"table": dry(3.0, 2.0)}}
 
 
+def test_a_loss_at_the_motor_has_its_share_there():
+    """T = u_0/r + r J a + n: 0.5 N m of 2 x 3/10 + 10 x 0.01 x 3 = 0.9 N m."""
+    gear = {"ratio": 10.0, "rotor_inertia": 0.01, "no_load_torque": 0.5}
+    lost = [{"joint": "table", "transmission": gear}]
+    s = summary([0, 1, 2], [1, 1, 1], [3, 3, 3], actuators=lost)
+    assert s.friction_share == 0.0
+    assert s.motor_peak == pytest.approx(1.4)
+    assert s.motor_friction_share == pytest.approx(0.5 / 1.4)
+    same = summary([0, 1, 2], [1, 1, 1], [3, 3, 3], **DRY)
+    assert same.motor_friction_share == same.friction_share > 0.0
+
+
 def test_constant_effort_has_its_own_magnitude_as_peak_and_rms():
     s = summary([0, 1, 2], [1, 1, 1], [0, 0, 0], **DRY)
     assert (s.peak, s.rms, s.rms_least) == pytest.approx((2, 2, 2))

@@ -18,12 +18,14 @@ from pinfric.motions.log.judged import JudgedLog
 from pinfric.motions.summary import ROUNDING, ActuatorSummary, rounding
 from pinfric.show.inverse_summary import InverseSummary
 from pinfric.show.report.elastic import elastic_line, elasticity_parts
-from pinfric.show.report.rows import table_of
+from pinfric.show.report.rows import table_of, text_of
 from pinfric.show.report.tables import Report, Table, paragraphs
 from pinfric.show.report.values import digits, rough
 
 #: Fields of the table of motors.
-_SHAFT = ("name", "motor_unit", "motor_peak", "motor_rms")
+_SHAFT = ("name", "motor_unit", "motor_peak", "motor_rms", "motor_friction_share")
+#: A share that prints as 0 %.
+_NO_SHARE = 0.005
 
 
 def inverse_report(
@@ -137,4 +139,11 @@ def _effort_table(result: InverseResult, summary: InverseSummary) -> Table | Non
         doubt = f" ±{rough(uncertain)}" if uncertain > max(0.1 * drive.peak, zero) else ""
         return f"{digits(drive.peak, zero)}{doubt}"
 
-    return table_of(title, summary.joints, without=_SHAFT[1:], cells={"peak": peak}, zero=zero)
+    def share(drive: ActuatorSummary) -> str:
+        """The share of friction; of a loss before the joint, where it sits."""
+        if drive.friction_share < _NO_SHARE <= drive.motor_friction_share:
+            return "at motor"
+        return text_of(drive.friction_share, "%")
+
+    cells = {"peak": peak, "friction_share": share}
+    return table_of(title, summary.joints, without=_SHAFT[1:], cells=cells, zero=zero)

@@ -209,3 +209,21 @@ def test_a_report_says_names_in_lines_as_in_its_tables():
     console = Console(file=io.StringIO(), width=80)
     console.print(*paragraphs(table, ["panda_a sticks"]), sep="\n")
     assert console.file.getvalue().splitlines()[-1] == "a sticks"
+
+
+def test_a_joint_without_friction_says_where_its_loss_sits():
+    """Before, "0 %" stood there."""
+    gear = {"ratio": 50.0, "no_load_torque": 0.3}
+    scene = pf.load_scene("pendulum").with_(friction={})
+    (drive,) = scene.drives
+    moved = [[0.4]], [[1.0]], [[0.0]]
+    for actuators, said in (
+        ([{"joint": drive.name, "transmission": gear}], "at motor"),
+        ([], "0 %"),
+    ):
+        result = pf.inverse_dynamics(
+            scene.with_(actuators=actuators or None), *(x * 2 for x in moved), t=[0.0, 1.0]
+        )
+        text = " ".join(printed(inverse_report(result, inverse_summary(result, "a.csv")), 100))
+        assert (" at motor " in text) == (said == "at motor")
+        assert (" 0 % " in text) == (said == "0 %")
