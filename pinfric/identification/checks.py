@@ -33,7 +33,7 @@ _OWN = [*COULOMB, PLAIN.slots[2], INERTIA]
 _OVER_LIMIT, _MOST_FRICTION, _NO_LIMIT = 1.5, 0.5, 1e6
 #: Blocks from which an interval of gravity's factor is computed, the reach from which it says
 #: nothing, the factor below which there is no gravity, and the change that kept masses may need.
-_FEWEST_BLOCKS, _UNKNOWN, _NO_GRAVITY, _OTHER_GRAVITY = 5, 0.2, 0.2, 0.15
+_FEWEST_BLOCKS, _UNKNOWN, _NO_GRAVITY, OTHER_GRAVITY = 5, 0.2, 0.2, 0.15
 #: How far the rigid efforts of two logs of one robot may differ, as a share.
 _ONE_ROBOT = 0.3
 #: Error of the fit of all logs in one of them, as a share of its effort and over that of the log's
@@ -161,7 +161,7 @@ def check_gravity(
     problems = []
     for j, (scale, reach) in scales.items():
         name = scene.joint_names[j]
-        if abs(scale - 1.0) > _OTHER_GRAVITY + reach and name not in confirmed:
+        if abs(scale - 1.0) > OTHER_GRAVITY + reach and name not in confirmed:
             problems.append(
                 f"joint {name}: its effort holds {scale:.3g} +- {reach:.2g} times the gravity of "
                 "the URDF's masses, which --inertia keep holds fixed: are its unit, gear ratio, or "

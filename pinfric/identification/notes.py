@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence, Set
+from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import NamedTuple
 
@@ -20,7 +20,7 @@ from pinfric.identification.normal import residuals
 from pinfric.identification.parameters import Parameter
 from pinfric.identification.recordings import stick_velocity
 from pinfric.identification.rest import BreakAway, RestBound
-from pinfric.identification.scales import effort_scales
+from pinfric.identification.scales import EffortScale, doubted, effort_scales, noted
 from pinfric.identification.tilt import base_tilt
 from pinfric.model.arrays import FloatArray
 from pinfric.motions.log.effort_place import place_note
@@ -150,7 +150,9 @@ def notes(
         + _misfits(estimate, clear)
         + _uneven(estimate, uneven)
     )
-    doubts += _delays(estimate) + _scales(estimate, {x.joint for x in clear})
+    other_scales, small_scales = _scales(estimate, clear)
+    doubts += _delays(estimate) + other_scales
+    lines += small_scales
     if estimate.question.no_gravity:
         doubts.append(
             "the efforts hold no gravity (their controller takes it off): friction was fitted with "
@@ -314,26 +316,39 @@ def _contacts(estimate: Estimate) -> list[str]:
     return [f"efforts are far from all others, as of a contact, and left out: {', '.join(each)}"]
 
 
-def _scales(estimate: Estimate, misfit: Set[int]) -> list[str]:
-    """That one joint's effort has another scale than the others', and whose it may be.
+def _scales(estimate: Estimate, shapes: Sequence[Misfit]) -> tuple[list[str], list[str]]:
+    """That one joint's effort has another scale than the others': doubts, and other lines.
 
-    Where one of them has a clear `misfit`, too, nothing: what it lacks may look like a scale.
+    A joint whose residual a shape explains better has none: what it lacks may look like a scale.
     """
     confirmed, names = estimate.question.gains, estimate.scene.joint_names
-    wrong = [x for x in effort_scales(estimate) if x.doubted and names[x.joint] not in confirmed]
-    if not wrong or misfit & {x.joint for x in wrong}:
-        return []
-    wrong.sort(key=lambda scale: scale.left)
-    each = [
-        f"that of {names[x.joint]} {x.value:.2f} +- {1.96 * x.standard_error:.2f} times"
-        for x in wrong
+    lacks = {x.joint: x.share for x in sorted(shapes, key=lambda shape: shape.share)}
+    asked = [
+        scale
+        for scale in effort_scales(estimate)
+        if names[scale.joint] not in confirmed and scale.gain > lacks.get(scale.joint, 0.0)
     ]
-    first = names[wrong[0].joint]
-    return [
-        f"the efforts do not fit one robot: {', or '.join(each)} what the other joints' efforts "
+
+    def said(scales: Sequence[EffortScale], or_: str) -> str:
+        return or_.join(
+            f"that of {names[x.joint]} {x.value:.2f} +- {1.96 * x.standard_error:.2f} times"
+            for x in scales
+        )
+
+    motor = estimate.question.motor
+    wrong, small = doubted(asked, motor), noted(asked, motor)
+    first = names[wrong[0].joint] if wrong else ""
+    doubts = [
+        f"the efforts do not fit one robot: {said(wrong, ', or ')} what the other joints' efforts "
         "ask for, whatever the links' masses: its unit, gear ratio or motor constant? Give the "
         f"factor to N m by --gain {first}=FACTOR ({first}=1 if it is in N m)"
     ]
+    lines = [
+        f"an effort's scale: {said(small, ', ')} what the other joints' efforts ask for, whatever "
+        "the links' masses: losses of gears that differ between driving and driven, or its unit or "
+        "motor constant"
+    ]
+    return doubts * bool(wrong), lines * bool(small)
 
 
 def _of_ways(estimate: Estimate) -> list[str]:

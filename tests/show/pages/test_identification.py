@@ -1,3 +1,4 @@
+from copy import copy
 from dataclasses import replace
 
 import pytest
@@ -19,6 +20,17 @@ def test_the_page_shows_every_joint_its_laws_and_what_is_left(found):
     assert "overflow-wrap: break-word" in page  # keys in lists of them are wider than a phone
     assert "<script" not in page
     assert "https://" not in page
+
+
+def test_the_page_shows_the_delay_that_was_taken_where_logs_do_not_tell_it(found):
+    pytest.importorskip("jinja2")
+    for value in (0.0062, 0.0):
+        delay = replace(found.estimate.delay, value=value, standard_error=0.004)
+        estimate = copy(found.estimate)
+        estimate.delay = delay
+        vague = replace(found, estimate=estimate)
+        head = identification_page(vague).split('class="facts"', 1)[1]
+        assert f"<b>{1e3 * value:.1f} ms</b><span>taken as delay of the efforts: not" in head
 
 
 @pytest.mark.slow
