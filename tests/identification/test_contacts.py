@@ -4,7 +4,17 @@ from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
-from identify_cases import excitation, guess, logged, motor_effort, truth
+import pytest
+from identify_cases import (
+    excitation,
+    fit_of,
+    guess,
+    logged,
+    motor_effort,
+    prepared_of,
+    rows_of,
+    truth,
+)
 
 import pinfric as pf
 from pinfric.identification.contacts import contacts
@@ -36,3 +46,17 @@ def test_a_push_is_named_with_its_time_and_left_out(found):
         assert a.key == b.key
         assert abs(a.value - b.value) < 0.1 * max(a.standard_error, 1e-3 * abs(a.value)), a.key
     assert contacts(found.estimate.prepared, found.estimate.rows, found.estimate.fit) == ()
+
+
+@pytest.mark.parametrize(("samples", "named"), [(2, False), (3, False), (6, True)])
+def test_only_what_lasts_is_a_contact(samples, named):
+    """Ten samples a second: from 0.3 s on."""
+    v = np.ones(100)
+    log = prepared_of(v, {})
+    left = np.where(np.arange(100) % 2 == 0, 1.0, -1.0)
+    left[40 : 40 + samples] = 30.0
+    rows = rows_of(left, {}, log=np.zeros(100, dtype=int))
+    found = contacts([log], [rows], fit_of({}))
+    assert [(x.log, x.joint, x.effort) for x in found] == [(0, 0, 30.0)] * named
+    if named:
+        assert 4.0 <= found[0].start < found[0].end <= 4.5

@@ -118,6 +118,39 @@ def test_a_hinge_by_hand_blends_the_ends_of_its_gear():
     assert_array_equal(found.motor_torque_lower[7:], found.motor_torque_upper[7:])
 
 
+def test_a_coupled_gear_blends_its_ends_at_the_load_that_its_joints_need():
+    """t is one number, whatever the gear's own share: (1 + z)/2 F_+(t) + (1 - z)/2 F_-(t)."""
+    key = {"presliding": {"way": 2e-3}}
+    gear = {"ratio": 40.0, "efficiency": 0.8, "back_efficiency": 0.6}
+    model = chain(
+        ("a", pin.JointModelRY(), lump(1.0, [0.3, 0.0, 0.0], 0.1)),
+        ("b", pin.JointModelRX(), lump(1.0, [0.3, 0.2, 0.0], 0.1)),
+    )
+    scene = pf.Scene(
+        model,
+        friction={name: {"coulomb": 3.0} | key for name in "ab"},
+        actuators=[
+            {"joint": "a", "transmission": gear | key},
+            {"joint": "b", "transmission": gear | key, "couples": {"a": 0.5}},
+        ],
+    )
+    t, q, v, a = swinging(scene, size=0.01)
+    found = solved(scene, (t, q, v, a))
+    z, rate = found.presliding.drive_lower, found.actuator_velocity
+    shared = (np.abs(z) < 1.0) & (z == found.presliding.drive_upper) & (rate != 0.0)
+    shared &= np.abs(found.presliding.lower[:, :1]) < 1.0  # the joints' friction has its own share
+    shared &= (found.presliding.lower == found.presliding.upper).all(axis=1)[:, None]
+    assert (shared.sum(axis=0) > 10).all()
+    effort = found.effort_lower
+    assert_allclose(effort[shared], found.effort_upper[shared], rtol=1e-12)
+    lost = np.abs(effort)
+    ahead = effort + np.where(effort > 0.0, 1.0 / 0.8 - 1.0, 1.0 - 0.6) * lost
+    back = effort - np.where(effort < 0.0, 1.0 / 0.8 - 1.0, 1.0 - 0.6) * lost
+    torque = (0.5 * (1.0 + z) * ahead + 0.5 * (1.0 - z) * back) / 40.0
+    assert_allclose(found.motor_torque_lower[shared], torque[shared], rtol=1e-9)
+    assert_allclose(found.motor_torque_upper[shared], torque[shared], rtol=1e-9)
+
+
 def test_partial_shares_by_hand():
     scene, t = hinge(), np.arange(5) * 0.1
     q = np.array([-0.01, 0.0, -0.0004, -0.0012, -0.01])

@@ -76,6 +76,16 @@ def test_a_turning_point_between_samples_is_taken_there():
     assert z[2, 0] == pytest.approx(1.0 - top / 0.2)
 
 
+@pytest.mark.parametrize(("moved", "share"), [(-0.4, 0.55), (-0.2, 0.7)])
+def test_an_uneven_turning_point_is_where_the_velocity_is_zero(moved, share):
+    """From 1 to -3 in 0.4 s: 0.1 s ahead by 0.05, 0.3 s back by 0.45.
+
+    What positions say beyond these -0.4 is spread evenly in time: 0.05 of 0.2 until it turns.
+    """
+    q, v, t = np.array([-5.0, 0.0, moved]), np.array([1.0, 1.0, -3.0]), np.array([-5.0, 0.0, 0.4])
+    assert shares(q, v, 1.0, t=t)[2, 0] == pytest.approx(share)
+
+
 def test_a_hold_forgets_and_a_turning_point_does_not():
     q = np.array([0.0, 1.0, 1.0, 1.0, 0.9999])
     v = SLOW * np.array([1.0, 1.0, 0.0, 0.0, -1.0])
