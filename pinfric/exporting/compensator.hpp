@@ -373,7 +373,8 @@ class Compensator {
   // Add a body to a frame of Robot::frames. com: in its axes (m); inertia: about the centre of mass,
   // xx xy xz yy yz zz (kg m^2). The payloads that the scene carries by default are there already.
   // False, and nothing changed, where no body has such a mass and inertia, or its centre of mass is
-  // farther from the frame than `farthest`: millimetres in place of metres.
+  // farther from the frame than `farthest`, or it is heavier than `heaviest`: millimetres in place of
+  // metres, grams in place of kilograms.
   [[nodiscard]] bool add_payload(int frame, double mass, View<const double, 3> com,
                                  View<const double, 6> inertia) noexcept {
     return carry(frame, mass, com, inertia, true);
@@ -524,7 +525,7 @@ class Compensator {
   // so tr(J)/2 - J has no negative eigenvalue, but for the rounding of a file. tr(J)/2 is at least the
   // largest moment, so it bounds the radius of gyration.
   static bool possible(double mass, const double* com, const double* J) noexcept {
-    if (!(mass >= 0.0) || !(mass <= largest) || !detail::within(com, 3, farthest) ||
+    if (!(mass >= 0.0) || !(mass <= heaviest) || !detail::within(com, 3, farthest) ||
         !detail::within(J, 6, largest))
       return false;
     if (com[0] * com[0] + com[1] * com[1] + com[2] * com[2] > farthest * farthest) return false;

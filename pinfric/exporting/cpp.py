@@ -38,6 +38,8 @@ from pinfric.model.scene import Scene
 from pinfric.model.twin import PRISMATIC
 
 _Z = np.array([0.0, 0.0, 1.0])
+#: A payload added at run time, over the mass of all that moves: more is a mass in grams.
+_HEAVIEST = 10.0
 #: Names that C++ and its libraries keep.
 _KEYWORDS = (
     "alignas|alignof|and|asm|auto|bitand|bitor|bool|break|case|catch|char|class|compl|"
@@ -255,6 +257,8 @@ def _constants(scene: Scene, frames: Sequence[str], bounds: Bounds) -> list[str]
         f"inline constexpr bool presliding = {'true' if scene.ways is not None else 'false'};",
         "// No payload's centre of mass is farther from its frame (m).",
         *_numbers("farthest", min(plausible_distance(scene.model), LARGEST)),
+        f"// No payload added is heavier (kg): {_HEAVIEST:g} times what moves.",
+        *_numbers("heaviest", _heaviest(scene)),
         *_numbers(f"drive_rate[][{nv}]", rate_rows(scene.drives, nv)),
         *_numbers(f"delivery[][{na}]", P if P.size else np.eye(na)),
         f"inline constexpr bool together[] = {_array(d in coupled for d in range(na))};",
@@ -269,6 +273,12 @@ def _constants(scene: Scene, frames: Sequence[str], bounds: Bounds) -> list[str]
 
 def _numbers(name: str, values: object) -> list[str]:
     return [f"inline constexpr double {name} = {_value(np.asarray(values))};"]
+
+
+def _heaviest(scene: Scene) -> float:
+    """The heaviest payload that may be added (kg); a robot without masses says nothing."""
+    moving = sum(inertia.mass for inertia in list(scene.loaded_model().inertias)[1:])
+    return min(_HEAVIEST * moving, LARGEST) if moving > 0.0 else LARGEST
 
 
 def _bodies(scene: Scene, turns: np.ndarray) -> list[tuple[str, str]]:

@@ -293,8 +293,10 @@ def _soft(
             parts.append(f"{joint.joint} {counted(int(near.sum()), 'sample')}")
     where = f" ({', '.join(parts)} of this motion)" if parts else ""
     return (
-        "near rest MuJoCo's friction is soft: where |a + 1000 v| < 0.001 frictionloss (M^-1)_jj, "
-        f"its torque misses by up to twice the frictionloss more than is stated{where}",
+        "near rest MuJoCo's friction is soft and follows a + 1000 v, not v: where v and a have "
+        "opposite signs and |v| < |a| / 1000, or where |a + 1000 v| < 0.001 frictionloss "
+        "(M^-1)_jj, mj_inverse misses by up to twice the frictionloss more than is stated"
+        f"{where}",
     )
 
 

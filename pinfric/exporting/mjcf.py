@@ -54,9 +54,10 @@ class MjcfJoint:
 def soft(
     velocity: np.ndarray, acceleration: np.ndarray, frictionloss: float, mobility: float
 ) -> np.ndarray:
-    """Return (T,) where MuJoCo's dry friction is not whole yet: |a + b v| < (1 - d)/d f A.
+    """Return (T,) where MuJoCo's dry friction is not f sign(v).
 
-    It is a soft constraint: near rest it grows with a + b v up to the frictionloss.
+    It is a soft constraint and follows a + b v in place of v: it is not whole where
+    |a + b v| < (1 - d)/d f A, and against -v where v and a have opposite signs and |v| < |a|/b.
 
     Args:
         velocity, acceleration: (T,) of the joint. frictionloss: f.
@@ -64,8 +65,9 @@ def soft(
 
     Source: MuJoCo documentation, Computation: constraint model, solref and solimp.
     """
-    reached: np.ndarray = np.abs(acceleration + _PULL * velocity) < _YIELD * frictionloss * mobility
-    return reached
+    pull = acceleration + _PULL * velocity
+    reached: np.ndarray = np.abs(pull) < _YIELD * frictionloss * mobility
+    return reached | (pull * velocity < 0.0)
 
 
 def creep_velocity(frictionloss: float, mobility: float) -> float:

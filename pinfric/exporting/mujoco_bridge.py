@@ -19,10 +19,10 @@ z <- clip(z + dq/d, -1, 1). It is explicit: its spring needs a step below sqrt(M
 from __future__ import annotations
 
 import copy
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from importlib import import_module
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -30,7 +30,7 @@ import pinocchio as pin
 from pinfric.dynamics.forward.compensation import check_compensated
 from pinfric.errors import PinfricError, choose_from
 from pinfric.exporting.mujoco_callback import Callback, jams, with_memory
-from pinfric.exporting.tree import bodies
+from pinfric.exporting.tree import MovedBody, bodies
 from pinfric.kernels.compiled import compiling, kernel
 from pinfric.model.bearings import normal_loads
 from pinfric.model.drives import Gears, gear_drag, gear_line
@@ -192,6 +192,24 @@ class MujocoFriction:
         return np.concatenate([robot.wrench(data) for robot in self._robots])
 
 
+class _Follower(NamedTuple):
+    """A joint that an equality moves with a drive's joint.
+
+    Attributes:
+        row: of its body in the scene's tree. drive: that carries it.
+        ratio: of its motion to the drive's joint's. armature: of its link (kg m^2 or kg).
+        joint, dof: in the model. axis: (6,) its direction, linear first.
+    """
+
+    row: int
+    drive: int
+    ratio: float
+    armature: float
+    joint: int
+    dof: int
+    axis: np.ndarray
+
+
 class _Robot:
     """The joints of one scene in a model; see `MujocoFriction`.
 
@@ -218,13 +236,10 @@ class _Robot:
         named = zip(own, geared, strict=True)
         self.counts = np.array([gear or body.joint.name in rubs for body, gear in named])
         self._written = self.dofs[self.counts]
-        _check_followers(scene, tree, self.counts, rubs)
+        self.led = _followers(scene, model, tree, joint, self.counts, rubs)
         _check_solver(mujoco, self)
         _check_same_robot(mujoco, self, tree)
-        self._axis = np.zeros((len(own), 6))
-        for row, body in zip(self._axis, own, strict=True):
-            row[:3] = body.axis if body.joint.unit == "m" else 0.0
-            row[3:] = body.axis if body.joint.unit != "m" else 0.0
+        self._axis = np.array([_axis(body) for body in own])
         self._tables, self._gears = scene.site_tables, scene.gears()
         self._site = np.full(len(own), -1)
         self._site[self._tables.velocity_index] = np.arange(len(scene.sites))
@@ -235,8 +250,24 @@ class _Robot:
         self.share, self.built_up, self._at = np.zeros((3, len(own)))
 
     def names(self) -> dict[int, str]:
+        """Joints of the model that count, and what follows them -> name."""
         own = zip(self._joint.tolist(), self.counts, self.row, strict=True)
-        return {j: self.prefix + self._tree[k].joint.name for j, counts, k in own if counts}
+        joints = {j: k for j, counts, k in own if counts}
+        joints |= {one.joint: one.row for one in self.led}
+        return {j: self.prefix + self._tree[k].joint.name for j, k in joints.items()}
+
+    def leader(self, one: _Follower) -> int:
+        return int(self._joint[one.drive])
+
+    def is_mimic(self, equality: int, pair: tuple[int, int]) -> bool:
+        """Whether an equality moves a follower and its leader as the scene says."""
+        model, law = self.model, np.polynomial.Polynomial(self.model.eq_data[equality, :5])
+        (one,) = (x for x in self.led if x.joint == pair[0])
+        _, ratio, shift = self._tree[one.row].follows or ("", 0.0, 0.0)
+        follower, leader = model.qpos0[model.jnt_qposadr[list(pair)]]
+        places = np.array([-1.0, 0.0, 1.0])
+        apart = follower + law(places - leader) - (ratio * places + shift)
+        return bool(model.eq_active0[equality] and np.abs(apart).max() <= _SAME_POSE)
 
     def write_constants(self, mujoco: Any) -> None:
         """Set what does not depend on the load: rotors, damping, hardness of the constraint."""
@@ -249,13 +280,27 @@ class _Robot:
         model.dof_solref[self._written] = 2.0 * float(model.opt.timestep), 1.0
         model.dof_solimp[self._written] = _SOLIMP
         model.dof_frictionloss[self._written] = _LEAST
+        dofs = [one.dof for one in self.led]
+        model.dof_frictionloss[dofs] = model.dof_damping[dofs] = 0.0
+        model.dof_armature[dofs] = [one.armature for one in self.led]
         mujoco.mj_setConst(model, mujoco.MjData(model))
-        self._share = 1.0 - rotor * model.dof_invweight0[self.dofs]  # M/(M + J)
+        mobility = model.dof_invweight0
+        inertia = 1.0 / mobility[self.dofs]
+        for one in self.led:
+            inertia[one.drive] += one.ratio**2 / mobility[one.dof]
+        self._mobility = 1.0 / inertia
+        self._share = 1.0 - rotor * self._mobility  # M/(M + J)
 
     @property
     def places(self) -> tuple[np.ndarray, ...]:
-        """Joints of the model, rows of their bodies, armature of the links, M/(M + J), `counts`."""
-        return self._joint, self.row, self._armature, self._share, self.counts
+        """What the callback needs of joints and followers; see `Callback`."""
+        led = self.led
+        followers = (
+            np.array([(one.joint, one.row, one.drive) for one in led], dtype=int).reshape(-1, 3),
+            np.array([(one.ratio, one.armature) for one in led]).reshape(-1, 2),
+        )
+        own = self._joint, self.row, self._armature, self._share, self.counts
+        return (*own, *followers)
 
     def write(self, limits: np.ndarray) -> None:
         """Set the limits (na,) of the joints that count; what builds up is a force, see `step`."""
@@ -283,7 +328,7 @@ class _Robot:
         ahead, back = (
             self._limits(data, moves, np.full(len(self.dofs), way), none) for way in (1.0, -1.0)
         )
-        z, mobility = self.share, self.model.dof_invweight0[self.dofs]
+        z, mobility = self.share, self._mobility
         force = 0.5 * (1.0 - z) * back - 0.5 * (1.0 + z) * ahead
         self.built_up = np.where(self.builds, force, 0.0)
         stiff = np.maximum(ahead, back) / np.where(self.builds, self._way, np.inf)
@@ -342,30 +387,35 @@ class _Robot:
         return force[self.dofs], used[self.dofs]
 
     def _stops(self, data: Any) -> np.ndarray:
-        """(na,) forces beside the drive: stops and springs at the joints (N m or N)."""
-        beside = np.array(data.qfrc_spring[self.dofs])
+        """(nv,) forces beside the drives: stops and springs at the joints (N m or N)."""
+        model, beside = self.model, np.array(data.qfrc_spring)
         if data.nl:
             kind = self._mujoco.mjtConstraint.mjCNSTR_LIMIT_JOINT
             for row in np.flatnonzero(data.efc_type == kind):
-                for i in np.flatnonzero(self._joint == data.efc_id[row]):
-                    low, high = self.model.jnt_range[self._joint[i]]
-                    below = 2.0 * data.qpos[self._qpos[i]] < low + high
-                    beside[i] += data.efc_force[row] if below else -data.efc_force[row]
+                j = data.efc_id[row]
+                low, high = model.jnt_range[j]
+                below = 2.0 * data.qpos[model.jnt_qposadr[j]] < low + high
+                force = data.efc_force[row] if below else -data.efc_force[row]
+                beside[model.jnt_dofadr[j]] += force
         return beside
 
     def _limits(
         self, data: Any, sticks: np.ndarray, direction: np.ndarray, old: np.ndarray
     ) -> np.ndarray:
         """Limits (na,) of the next step; old: the last ones, NaN for none."""
-        wrench = self.wrench(data)
+        wrench, beside = self.wrench(data), self._stops(data)
         tau = (wrench[self.row] * self._axis).sum(axis=1) + self._armature * data.qacc[self.dofs]
+        tau -= beside[self.dofs]
+        for one in self.led:  # the drive carries what follows it, through the equality
+            taken = wrench[one.row] @ one.axis + one.armature * data.qacc[one.dof]
+            tau[one.drive] += one.ratio * (taken - beside[one.dof])
         out = np.empty(len(self.dofs))
         d = write_limits(
             self._tables.laws,
             self._gears,
             self._site,
             self.loads(data, wrench),
-            tau - self._stops(data),
+            tau,
             data.qvel[self.dofs],
             np.where(direction < 0.0, -1.0, 1.0),
             sticks,
@@ -481,13 +531,17 @@ def mujoco_friction(scene: Scene | Mapping[str, Scene], model: Any) -> MujocoFri
 
     Raises:
         PinfricError: MuJoCo is not installed; loops, cylinders, coupled joints; a model whose
-            joints, axes, frames or masses differ, named; an equality, a mimic or a fixed tendon on
-            a joint with friction or a gear; an actuator that pulls a link; the integrator RK4; a
-            gear that jams (by `start` and `step`).
+            joints, axes, frames or masses differ, named; an equality or a fixed tendon on a joint
+            with friction or a gear, but for that of a mimic joint; an actuator that pulls a link;
+            the integrator RK4; a gear that jams (by `start` and `step`).
 
     Source: MuJoCo documentation, Computation: constraint model, friction loss.
     """
     scenes = scene if isinstance(scene, Mapping) else {"": scene}
+    if not scenes:
+        raise PinfricError(
+            "mujoco_friction: no scene given; give one, or scenes by the prefix of their joints"
+        )
     for robot in scenes.values():
         expect_scene(robot, "mujoco_friction")
         check_compensated(robot)
@@ -556,17 +610,39 @@ def _joints(mujoco: Any, scene: Scene, model: Any, prefix: str) -> list[int]:
     return indices
 
 
-def _check_followers(scene: Scene, tree: Any, counts: np.ndarray, rubs: set[str]) -> None:
-    """Refuse mimic joints with friction or gears, which would count the coupling's force."""
+def _axis(body: MovedBody) -> np.ndarray:
+    """(6,) direction of a joint's motion, linear first."""
+    out = np.zeros(6)
+    out[slice(0, 3) if body.joint.unit == "m" else slice(3, 6)] = body.axis
+    return out
+
+
+def _followers(
+    scene: Scene,
+    model: Any,
+    tree: Sequence[MovedBody],
+    joints: np.ndarray,
+    counts: np.ndarray,
+    rubs: set[str],
+) -> tuple[_Follower, ...]:
+    """The mimic joints of drives that count; refuse friction of their own."""
     own = [body.joint.name for body in tree if body.follows is None]
-    leading = dict(zip(own, counts.tolist(), strict=True))
-    for body in tree:
-        if body.follows is not None and (body.joint.name in rubs or leading[body.follows[0]]):
+    found = []
+    for row, body in enumerate(tree):
+        if body.follows is None:
+            continue
+        leader, ratio, _ = body.follows
+        drive, j = own.index(leader), int(joints[row])
+        if body.joint.name in rubs:
             raise PinfricError(
-                f"{scene.source}: joint {body.joint.name!r} mimics {body.follows[0]!r}, and one of "
-                "them has friction or a gear: in MuJoCo the force that couples them would count as "
-                "the gear's; lock both (robot.locked), they may move in the MuJoCo model"
+                f"{scene.source}: joint {body.joint.name!r} mimics {leader!r} and has friction of "
+                f"its own, which MuJoCo would not pass to the drive: state it at {leader!r} "
+                "(times the ratio)"
             )
+        if counts[drive]:
+            dof = int(model.jnt_dofadr[j])
+            found.append(_Follower(row, drive, ratio, body.armature, j, dof, _axis(body)))
+    return tuple(found)
 
 
 def _bit(mujoco: Any, flag: str) -> int:
@@ -595,13 +671,24 @@ def _check_solver(mujoco: Any, robot: _Robot) -> None:
     """Refuse what acts on the joints that count otherwise than through their drives."""
     model, name = robot.model, robot.names()
     joints, dofs = np.array(list(name), dtype=int), robot.dofs[robot.counts]
+    awaited = {(one.joint, robot.leader(one)) for one in robot.led}
     for e in range(model.neq):
         pair = (int(model.eq_obj1id[e]), int(model.eq_obj2id[e]))
-        if model.eq_type[e] == mujoco.mjtEq.mjEQ_JOINT and (hit := name.keys() & {*pair}):
+        if model.eq_type[e] != mujoco.mjtEq.mjEQ_JOINT:
+            continue
+        if pair in awaited and robot.is_mimic(e, pair):
+            awaited.remove(pair)
+        elif hit := name.keys() & {*pair}:
             raise PinfricError(
                 f"mujoco_friction: an equality acts on joint {name[hit.pop()]!r}: its torque would "
                 "count as the gear's"
             )
+    for follower, leader in awaited:
+        raise PinfricError(
+            f"{robot.scene.source}: joint {model.joint(follower).name!r} mimics "
+            f"{model.joint(leader).name!r}, and no active equality of the MuJoCo model moves it "
+            "so; `pf.export(scene)` writes a model that fits"
+        )
     for w in range(model.nwrap):
         joint = int(model.wrap_objid[w])
         if model.wrap_type[w] == mujoco.mjtWrap.mjWRAP_JOINT and joint in name:
@@ -722,8 +809,24 @@ def _check_same_robot(mujoco: Any, friction: _Robot, tree: Any) -> None:
             wanted = of.f[row + 1].vector
             missed = np.abs(wrenches[row] - wanted).max()
             if missed > _SAME_WRENCH * max(np.abs(wanted).max(), 1.0):
+                theirs, ours = _masses_beyond(plain, friction.body[row], pins, row + 1)
+                why = (
+                    f"{theirs:.4g} kg there, {ours:.4g} kg in the scene: is a payload carried in "
+                    "one of the two?"
+                )
+                if abs(theirs - ours) <= _SAME_WRENCH * max(theirs, ours):
+                    why = (
+                        "the same mass is elsewhere: a joint that the scene lacks or locks stands "
+                        "at another position (MuJoCo's is qpos0), or inertias differ"
+                    )
                 raise PinfricError(
                     f"{scene.source}: masses beyond joint {body.joint.name!r} differ in the "
                     f"MuJoCo model: a reaction by {missed:.3g} of {np.abs(wanted).max():.3g} N "
-                    "or N m; is a payload carried in one of the two?"
+                    f"or N m; {why}"
                 )
+
+
+def _masses_beyond(model: Any, body: int, pins: pin.Model, joint: int) -> tuple[float, float]:
+    """Masses (kg) that a joint carries in MuJoCo's model and in Pinocchio's."""
+    ours = sum(pins.inertias[j].mass for j in pins.subtrees[joint])
+    return float(model.body_subtreemass[body]), float(ours)

@@ -26,9 +26,14 @@ struct Place {
 struct Last {  // of one joint in the last step; the memory is time, and one of these per joint
   double used, force, beside, acceleration, warm, q, v, wrench[6];
 };
+struct Follower {  // a joint that an equality moves with that of a drive, which carries it
+  int joint, body, root, dof, row, drive;
+  double ratio, own;
+};
 static_assert(sizeof(Last) == @@LAST * sizeof(double), "the sensor's size counts on it");
 
 Place places[joints];
+std::vector<Follower> followers;
 std::vector<int> joint_of;  // of each degree of freedom; -1: none of those that count
 int memory = 0, first = -1;  // of the joints that count
 double timestep = 0.0;
@@ -53,20 +58,34 @@ void write(mjData* d, const double* limit) {
   }
 }
 
+// The force of a stop on its joint.
+double stop_force(const mjModel* m, const mjData* d, int row) {
+  const int id = d->efc_id[row];
+  const double q = d->qpos[m->jnt_qposadr[id]];
+  const bool below = 2.0 * q < m->jnt_range[2 * id] + m->jnt_range[2 * id + 1];
+  return below ? d->efc_force[row] : -d->efc_force[row];
+}
+
+// The reaction at a body's joint, in the axes of the header.
+struct Reaction { detail::Vector force, moment; };
+Reaction reaction(const mjData* d, int body, int root, int row) {
+  const mjtNum *wrench = d->cfrc_int + 6 * body, *R = d->xmat + 9 * body;
+  const mjtNum *com = d->subtree_com + 3 * root, *place = d->xpos + 3 * body;
+  const detail::Vector force = {wrench[3], wrench[4], wrench[5]};
+  const detail::Vector arm = {com[0] - place[0], com[1] - place[1], com[2] - place[2]};
+  const detail::Vector moment =
+      detail::sum({wrench[0], wrench[1], wrench[2]}, detail::cross(arm, force));
+  const double* turn = bodies[row].turn;
+  return {detail::turned(turn, detail::turned_back(R, force)),
+          detail::turned(turn, detail::turned_back(R, moment))};
+}
+
 // What a solved step says of its friction.
 void read(const mjModel* m, mjData* d, Last* last) {
   mj_rnePostConstraint(m, d);
   for (int j = 0; j < joints; ++j) {
     const Place& at = places[j];
-    const mjtNum *wrench = d->cfrc_int + 6 * at.body, *R = d->xmat + 9 * at.body;
-    const mjtNum *com = d->subtree_com + 3 * at.root, *place = d->xpos + 3 * at.body;
-    const detail::Vector force = {wrench[3], wrench[4], wrench[5]};
-    const detail::Vector arm = {com[0] - place[0], com[1] - place[1], com[2] - place[2]};
-    const detail::Vector moment =
-        detail::sum({wrench[0], wrench[1], wrench[2]}, detail::cross(arm, force));
-    const double* turn = bodies[at.row].turn;
-    const detail::Vector f = detail::turned(turn, detail::turned_back(R, force));
-    const detail::Vector n = detail::turned(turn, detail::turned_back(R, moment));
+    const auto [f, n] = reaction(d, at.body, at.root, at.row);
     last[j] = {0.0, 0.0, d->qfrc_spring[at.dof], d->qacc[at.dof], d->qacc_warmstart[at.dof],
                d->qpos[at.position], d->qvel[at.dof], {f.x, f.y, f.z, n.x, n.y, n.z}};
   }
@@ -78,10 +97,17 @@ void read(const mjModel* m, mjData* d, Last* last) {
   }
   for (int row = d->ne + d->nf; d->nl && row < d->nefc; ++row) {
     if (d->efc_type[row] != mjCNSTR_LIMIT_JOINT) continue;
-    const int id = d->efc_id[row], j = joint_of[static_cast<unsigned>(m->jnt_dofadr[id])];
-    if (j < 0) continue;
-    const bool below = 2.0 * d->qpos[places[j].position] < m->jnt_range[2 * id] + m->jnt_range[2 * id + 1];
-    last[j].beside += below ? d->efc_force[row] : -d->efc_force[row];
+    const int j = joint_of[static_cast<unsigned>(m->jnt_dofadr[d->efc_id[row]])];
+    if (j >= 0) last[j].beside += stop_force(m, d, row);
+    for (const Follower& one : followers)
+      if (one.joint == d->efc_id[row])
+        last[one.drive].beside += one.ratio * stop_force(m, d, row);
+  }
+  for (const Follower& one : followers) {
+    const auto [f, n] = reaction(d, one.body, one.root, one.row);
+    const double taken = bodies[one.row].turns ? n.z : f.z;
+    last[one.drive].beside -=
+        one.ratio * (taken + one.own * d->qacc[one.dof] - d->qfrc_spring[one.dof]);
   }
 }
 
@@ -166,10 +192,18 @@ int steps_since(const mjModel* m, const mjData* d, const mjtNum* kept, const Las
 
 extern "C" {
 
-// joint ... counts: one per drive. memory_at: the sensor's first number.
+// joint ... counts: one per drive. led: joint, row, drive and ratio, armature of each follower.
+// memory_at: the sensor's first number.
 void pinfric_set_@@SCENE(const mjModel* m, const int* joint, const int* row, const double* own,
-                 const double* share, const int* counts, int memory_at) {
+                 const double* share, const int* counts, const int* led, const double* led_by,
+                 int led_count, int memory_at) {
   first = -1;
+  followers.clear();
+  for (int k = 0; k < led_count; ++k, led += 3, led_by += 2) {
+    const int body = m->jnt_bodyid[led[0]];
+    followers.push_back({led[0], body, m->body_rootid[body], m->jnt_dofadr[led[0]], led[1], led[2],
+                         led_by[0], led_by[1]});
+  }
   joint_of.assign(static_cast<unsigned>(m->nv), -1);
   for (int j = 0; j < joints; ++j) {
     const int id = joint[j], body = m->jnt_bodyid[id], dof = m->jnt_dofadr[id];

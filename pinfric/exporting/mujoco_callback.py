@@ -48,7 +48,8 @@ class Callback:
     Args:
         mujoco: the module. scenes, model: see `MujocoFriction`.
         places: of each scene, (na,) each: joints of the model, rows of their bodies, armature of
-            the links, M/(M + J), whether the joint counts.
+            the links, M/(M + J), whether the joint counts; of the joints that follow a drive
+            (n, 3) their joint, row, drive and (n, 2) ratio, armature.
         constants: of the law, by their names in the C++ text.
 
     Raises:
@@ -95,7 +96,7 @@ class Callback:
         address = ctypes.c_void_p(self._model._address)
         for k, (of, memory) in enumerate(zip(self._places, self._memory, strict=True)):
             arrays = (a.ctypes.data_as(ctypes.c_void_p) for a in of)
-            self._library[f"pinfric_set_{k}"](address, *arrays, memory)
+            self._library[f"pinfric_set_{k}"](address, *arrays, len(of[-1]), memory)
         mujoco.set_mjcb_control(self._library.pinfric_control)
         mujoco.set_mjcb_sensor(self._library.pinfric_sensor)
         try:

@@ -60,6 +60,14 @@ def check_plain_tree(scene: Scene) -> tuple[JointColumn, ...]:
                 "cylinders as soft constraints, for which no error can be stated; only open "
                 "chains with drives at their joints are exported"
             )
+    for name, joint in zip(scene.joint_names, list(scene.model.joints)[1:], strict=True):
+        if joint.nv > 1:
+            raise PinfricError(
+                f"{scene.source}: joint {name!r} has {joint.nv} degrees of freedom; exports are of "
+                "robots whose joints have one each: of a legged robot export the scene of its "
+                "fixed base and give its <body> a <freejoint/> and the base's <inertial>; lock "
+                "others (robot.locked)"
+            )
     if scene.linkage is not None and scene.linkage.rods:
         raise PinfricError(
             f"{scene.source}: friction.{scene.linkage.rods[0]} is along a spring, where other "

@@ -401,6 +401,45 @@ def test_a_payload_in_millimetres_is_refused(headers, com, moment, taken):
     assert np.abs(found["rigid_body"]).max() < 1e3
 
 
+@pytest.mark.parametrize(("mass", "taken"), [(2.8, True), (2800.0, False), (1e9, False)])
+def test_a_payload_in_grams_is_refused(headers, mass, taken):
+    """2800 kg at an arm of which 29 kg move."""
+    scene = pf.load_scene("ur10_machine_tending")
+    payload = (0, mass, [0.0, 0.0, 0.14], [0.00872, 0.0, 0.0, 0.00872, 0.0, 0.004])
+    q, v, a = (0.3 * x for x in sampled(scene, 14, 1))
+    found = headers.ask(scene, q, v, a, payloads=[payload])
+    assert (found["good"][0, 0] == 1.0) == taken
+
+
+def test_a_missing_velocity_is_the_states_or_refused(tmp_path):
+    solver, q, v = arm(tmp_path / "arm", 3.0).solver(), np.array([0.1]), np.array([0.5])
+    wanted = solver.compensate(q, v, 0 * v, v)
+    assert wanted[0] == 3.0
+    assert solver.compensate(q, v, 0 * v) == solver.compensate(q, v, 0 * v, None) == wanted
+    for call, name in (
+        (lambda: solver.compensate(q, None, None), "v_ref"),
+        (lambda: solver.compensate_measured(q, None), "v_now"),
+        (lambda: solver.compensate_measured(q, None, v=v), "v_now"),
+    ):
+        with pytest.raises(StateError, match=rf"^{name}: missing: .* velocity, \(1,\)$"):
+            call()
+    for options in ({}, None, {"scale": 1.0}, CompensationOptions):
+        with pytest.raises(StateError, match=r"^options: should be a pf\.CompensationOptions"):
+            solver.compensate(q, v, 0 * v, options=options)
+    assert solver.compensate(q, v, 0 * v) == wanted
+
+
+@pytest.mark.parametrize("to", ["mjcf", "urdf", "sdf", "constants", "cpp"])
+def test_a_free_base_is_told_to_export_a_fixed_one(to):
+    model = chain(
+        ("base", pin.JointModelFreeFlyer(), lump(5.0)), ("leg", pin.JointModelRY(), lump(1.0))
+    )
+    scene = pf.Scene(model, friction={"leg": dry(0.1)}, actuators=[{"joint": "leg"}])
+    with pytest.raises(PinfricError, match=r"'base' has .* degrees of .* fixed base") as refused:
+        pf.export(scene, to=to)
+    assert "rajectory" not in str(refused.value)
+
+
 @needs_compiler
 def test_payloads_are_put_down_and_exchanged(tmp_path):
     """After `set_payload` only the last is there; after `clear_payloads` none."""

@@ -40,7 +40,7 @@ def changed():
         (lambda: pf.load_scene("four_bar"), "mjcf", "four_bar.yaml: the loop 'rocker_pin'"),
         (lambda: pf.load_scene("excavator"), "urdf", "off the joints 'boom_cylinder'.* 2 more"),
         (lambda: pf.load_scene("drawer"), "constants", "off the joints 'push'"),
-        (planar, "mjcf", r"skates \(3 degrees of freedom\)"),
+        (planar, "mjcf", "'skates' has 3 degrees of freedom; exports"),
         (mimic, "mjcf", "'finger' mimics another"),
         (impossible, "mjcf", "'slide' moves a body that MuJoCo refuses: .*triangle"),
         (lambda: sliding_block(), "urdf", "no URDF .*export to mjcf"),

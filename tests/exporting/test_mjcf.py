@@ -5,7 +5,7 @@ import mujoco
 import numpy as np
 import pinocchio as pin
 import pytest
-from builders import chain, dry, example, random_states, random_tree
+from builders import chain, dry, example, lump, random_states, random_tree
 from export_cases import moved
 from robot_cases import joint as urdf_joint
 from robot_cases import link, urdf
@@ -95,6 +95,27 @@ def test_mujocos_friction_is_soft_in_the_samples_that_the_file_names():
         assert missed.max() <= 2 * joint.frictionloss
     assert named
     assert note in " ".join(made.text.split()).replace("Near rest", "near rest")
+
+
+def test_mujocos_friction_follows_the_acceleration_of_a_slow_joint():
+    """Random slow states: mj_inverse misses by twice the frictionloss where the file says so."""
+    model = chain(("hinge", pin.JointModelRY(), lump(2.0, [0.5, 0.0, 0.0], 0.05)))
+    scene = pf.Scene(model, friction={"hinge": dry(3.0)}, actuators=[{"joint": "hinge"}])
+    rng = np.random.default_rng(0)
+    q, v, a = rng.uniform(-1.0, 1.0, (3, 400, 1))
+    v *= 10.0 ** rng.uniform(-5.0, 0.0, v.shape)
+    made = pf.export(scene, pf.Trajectory.from_arrays(scene, np.arange(400.0), q, v, a))
+    torque = mujoco_inverse(made.text, ["hinge"], q, v, a)
+    bare = np.array(
+        [pin.rnea(model, model.createData(), *state) for state in zip(q, v, a, strict=True)]
+    )
+    (joint,) = made.joints
+    missed = np.abs(torque - bare - joint.frictionloss * np.sign(v))[:, 0]
+    said = (v * a < 0.0)[:, 0] & (np.abs(v) < np.abs(a) / 1000.0)[:, 0]
+    assert said.sum() > 50
+    np.testing.assert_allclose(missed[said], 2.0 * joint.frictionloss, rtol=0.05)
+    assert (missed[~said] < 1e-6).mean() > 0.99  # but for the width of the soft constraint
+    assert f"hinge {int((missed > 1e-6).sum())} samples" in made.notes[0]
 
 
 def test_mujoco_has_another_friction_by_default(ur5):

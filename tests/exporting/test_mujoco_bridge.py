@@ -10,6 +10,7 @@ from builders import chain, dry, lump, random_states
 from export_cases import geared, needs_compiler
 from mechanisms import pin_friction, shifted
 from mujoco_bridge import compare, loaded, made, random_motion, slider
+from numpy.testing import assert_allclose
 
 import pinfric as pf
 from pinfric.errors import PinfricError
@@ -297,6 +298,8 @@ def test_a_model_of_another_robot_or_with_other_friction_is_named(old, new, mess
             "tendon 'rope' pulls the robot with a spring",
         ),
         (slider, lambda: stepped(0.0), "time step is 0 s; give one above 0"),
+        (dict, lambda: None, "no scene given"),
+        (lambda: reduced(0.3), lambda: model_of(arm()), "masses .* the same mass is elsewhere"),
         # its force would stand in each joint's reaction as if the joints carried it
         (slider, lambda: model_of(slider(), **JET), "actuator 'jet' pulls a link, not a joint"),
     ],
@@ -310,6 +313,16 @@ JET = {
     "</actuator>": '<motor name="jet" site="nozzle" gear="0 0 1 0 0 0"/></actuator>',
     "<joint name=": '<site name="nozzle"/><joint name=',
 }
+
+
+def reduced(place):
+    """The arm with its hand turned by an angle and fixed."""
+    whole, q = arm(), np.zeros(6)
+    q[3:] = place
+    model = pin.buildReducedModel(whole.model, [4, 5, 6], q)
+    friction = {name: whole.friction[name] for name in list(model.names)[1:]}
+    drives = [{"joint": name} for name in list(model.names)[1:]]
+    return pf.Scene(model, friction=friction, actuators=drives)
 
 
 def stepped(dt):
@@ -436,16 +449,90 @@ def test_fingers_without_friction_move_as_the_model_has_them(tmp_path, locked):
     assert (left.damping[0], left.frictionloss[0], left.armature[0]) == (3.0, 0.5, 0.0)
 
 
-@pytest.mark.parametrize(
-    "more",
-    [{"rubs": "  left: {coulomb: 1.0}\n"}, {"gear": "{ratio: 500.0}"}],
-    ids=["friction", "gear"],
+LIFT = """<robot name="lift"><link name="base"/>{}
+<joint name="left" type="prismatic"><parent link="base"/><child link="left"/><axis xyz="0 0 1"/>
+<limit lower="-1" upper="1" effort="900" velocity="9"/></joint>
+<joint name="right" type="prismatic"><parent link="base"/><child link="right"/>
+<origin xyz="0 0.1 0"/><axis xyz="0 0 1"/><limit lower="-2" upper="2" effort="900" velocity="9"/>
+<mimic joint="left" multiplier="2" offset="0.1"/></joint></robot>"""
+FORK = (
+    '<link name="{0}"><inertial><mass value="{1}"/><inertia ixx="0.01" iyy="0.01" izz="0.01" '
+    'ixy="0" ixz="0" iyz="0"/></inertial></link>'
 )
-def test_coupled_fingers_that_count_are_refused(tmp_path, more):
-    scene = hand(tmp_path, **more)
-    model = mujoco.MjModel.from_xml_path(str(tmp_path / "hand.urdf"))
-    with pytest.raises(PinfricError, match=r"'right' mimics 'left', and one .* lock both"):
-        pf.mujoco_friction(scene, model)
+
+
+def lift(folder, more=""):
+    """Two forks of 2 and 3 kg; the second rises twice as fast, driven by the first one's gear."""
+    forks = FORK.format("left", 2.0) + FORK.format("right", 3.0)
+    (folder / "lift.urdf").write_text(LIFT.format(forks))
+    (folder / "lift.yaml").write_text(
+        "pinfric: 1\nrobot: {urdf: lift.urdf}\nfriction:\n  left: {coulomb: {static: 9.0, "
+        f"kinetic: 6.0}}, viscous: 4.0}}\n{more}actuators: [{{joint: left, transmission: "
+        "{ratio: 50, efficiency: 0.8, back_efficiency: 0.7, rotor_inertia: 1.0e-3}}]\n"
+    )
+    return pf.load_scene(folder / "lift.yaml")
+
+
+@pytest.mark.parametrize("compiled", [False, pytest.param(True, marks=needs_compiler)])
+def test_a_drive_carries_the_finger_that_follows(tmp_path, compiled):
+    """Break-away at (weight + static)/efficiency and back (weight - static); by hand."""
+    scene = lift(tmp_path)
+    spec = mujoco.MjSpec.from_string(pf.export(scene).text)
+    friction = pf.mujoco_friction(scene, spec)
+    model, weight = friction.model, (2.0 + 2.0 * 3.0) * 9.81
+    for limit in ((weight + 9.0) / 0.8, (weight - 9.0) * 0.7):
+        for factor in (0.99, 1.01):
+            data = mujoco.MjData(model)
+            data.qpos[:] = 0.0, 0.1
+            data.ctrl[:] = limit * factor / model.actuator_gear[0, 0]
+            if compiled:
+                with friction.installed():
+                    mujoco.mj_step(model, data, 50)
+            else:
+                friction.start(data)
+                for _ in range(50):
+                    friction.step(data)
+            moves = (factor > 1.0) == (limit > weight)
+            assert (abs(data.qvel[0]) > 1e-4) == moves
+            assert abs(data.qpos[1] - 2.0 * data.qpos[0] - 0.1) < 1e-4
+    data = mujoco.MjData(model)
+    data.qpos[:], data.qvel[:] = (0.0, 0.1), (0.5, 1.0)
+    data.ctrl[:] = 150.0 / model.actuator_gear[0, 0]
+    with friction.installed() if compiled else nullcontext():
+        if compiled:
+            mujoco.mj_step(model, data, 50)
+        else:
+            friction.start(data)
+            for _ in range(50):
+                friction.step(data)
+    # 150 = (14 a + weight + 6 + 4 v)/0.8 + 2.5 a: v decays to its end
+    inertia, end = 2.5 + 14.0 / 0.8, (0.8 * 150.0 - weight - 6.0) / 4.0
+    wanted = end + (0.5 - end) * np.exp(-4.0 / 0.8 / inertia * data.time)
+    assert_allclose(data.qvel[0] - 0.5, wanted - 0.5, rtol=0.01)
+
+
+@pytest.mark.parametrize(
+    ("edit", "message"),
+    [
+        ({"more": "  right: {coulomb: 1.0}\n"}, "'right' mimics 'left' and has friction of its"),
+        ({"old": 'polycoef="0.1', "new": 'polycoef="0.2'}, "an equality acts on joint"),
+        ({"old": "<joint joint1", "new": '<joint active="false" joint1'}, "an equality acts on"),
+        (
+            {"old": "<equality>", "new": "<equality><!--", "end": "</equality>"},
+            "no active equality",
+        ),
+    ],
+)
+def test_fingers_that_follow_otherwise_are_refused(tmp_path, edit, message):
+    scene = lift(tmp_path, edit.get("more", ""))
+    text = pf.export(scene).text
+    if "old" in edit:
+        assert edit["old"] in text
+        text = text.replace(edit["old"], edit["new"])
+    if "end" in edit:
+        text = text.replace(edit["end"], "-->" + edit["end"])
+    with pytest.raises(PinfricError, match=message):
+        pf.mujoco_friction(scene, mujoco.MjModel.from_xml_string(text))
 
 
 def two_sliders(turned=0.0):

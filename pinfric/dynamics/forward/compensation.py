@@ -200,7 +200,8 @@ def check_compensated(scene: Scene, based: bool = False) -> None:
         if components[0] >= 0 and not based:
             raise PinfricError(
                 f"{scene.source}: joint {name!r} has several degrees of freedom; a compensator "
-                "needs joints of one degree, each with its drive; lock it (robot.locked)"
+                "needs joints of one degree, each with its drive; lock it (robot.locked), or of a "
+                "legged robot give the scene of its fixed base"
             )
     own, names = [drive.velocity_index for drive in scene.drives], freedom_names(scene)
     for v, name in enumerate(names):

@@ -48,7 +48,7 @@ from pinfric.dynamics.samples.motion_kernels import TreeSamples, bound_within
 from pinfric.dynamics.samples.outcome import Status
 from pinfric.dynamics.samples.reactions import AppliedWrench, applied_wrenches, external_frame
 from pinfric.dynamics.samples.states import States, one_of, vector
-from pinfric.errors import PinfricError
+from pinfric.errors import PinfricError, StateError, one_line
 from pinfric.kernels.compiled import compile_for, compiling, entry_point, kernel
 from pinfric.kernels.records import record
 from pinfric.model.drives import Gears, joint_effort_ends, write_motor_torques
@@ -315,6 +315,10 @@ class _Compensated:
         return own if measured else desired, needs_measured
 
     def _tables(self, options: CompensationOptions) -> tuple[np.ndarray, np.ndarray, bool]:
+        if not isinstance(options, CompensationOptions):
+            raise StateError(
+                f"options: should be a pf.CompensationOptions(...); found {one_line(repr(options))}"
+            )
         desired, measured = options.tables(self._scene)
         needs_measured = (desired[3] > 0.0).any() or (desired[5] < np.inf).any()
         return desired, measured, bool(needs_measured)
@@ -686,7 +690,7 @@ class Solver:
         q: np.ndarray,
         v: np.ndarray | None,
         a: np.ndarray | None,
-        v_ref: np.ndarray,
+        v_ref: np.ndarray | None = None,
         *,
         q_ref: np.ndarray | None = None,
         error: np.ndarray | None = None,
@@ -704,7 +708,7 @@ class Solver:
 
         Args:
             q, v, a: (nq,), (nv,), (nv,) state that determines the load; v, a None: gravity only.
-            v_ref: (nv,) desired velocity; of a measured one see `compensate_measured`.
+            v_ref: (nv,) desired velocity; None: v. Of a measured one see `compensate_measured`.
             q_ref: (nq,) desired positions, each cycle, where q are not; None: q.
             error: (nv,) desired less actual position, for `hold_error`.
             v_now: (nv,) measured velocity, for `hold_error` and `power`.
@@ -715,10 +719,11 @@ class Solver:
             (na,) N m or N at the joints, a new array.
 
         Raises:
-            StateError: a wrong shape, a value far beyond limits, an option without what it needs.
+            StateError: no velocity, a wrong shape, a value far beyond limits, an option without
+                what it needs.
             PinfricError: loops, drives off the joints, joints without a drive or with several.
         """
-        motion = v, a, v_ref, error, v_now
+        motion = v, a, v if v_ref is None else v_ref, error, v_now
         return self._compensate(q, q_ref, motion, options, external)
 
     def joint_effort(
@@ -790,6 +795,12 @@ class Solver:
         whole: bool = False,
     ) -> np.ndarray:
         """Compensate at q, q_ref (nq,) and v, a, v_ref, error, v_now (nv,), see `compensate`."""
+        if motion[2] is None:
+            asked = "v_now" if measured else "v_ref"
+            raise StateError(
+                f"{asked}: missing: whose friction should be compensated? Give the "
+                f"{'measured' if measured else 'desired'} velocity, ({self.scene.model.nv},)"
+            )
         own = self._own
         (ws, _), x = own.both, own.compensated or self._begin_compensation()
         q, nv, still = vector("q", q, ws.nq, "nq", ws.scene.model), ws.nv, x.still
