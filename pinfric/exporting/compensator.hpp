@@ -127,7 +127,7 @@ struct [[nodiscard]] Outcome {
 };
 
 // How the compensation behaves; one number per drive. An option that could do nothing is refused:
-// hold_error without State's error and v_now or without switch_velocity, power without v_now;
+// hold_error without State's error and v_now or without hold_velocity, power without v_now;
 // hold_error at a measured velocity, which it would drive, and where friction builds up over a way.
 struct Options {
   double scale[Robot::drives];            // of dry friction and gear losses, at a desired velocity
@@ -135,9 +135,11 @@ struct Options {
   double measured_scale[Robot::drives];   // of both at a measured velocity: at most `stable_scale`
   double measured_way[Robot::drives];     // over which it changes direction there: at least that over
                                           // which the joint yields before it slips (rad or m)
-  double switch_velocity[Robot::drives];  // band in which the direction changes (rad/s or m/s), where
-                                          // the robot has no presliding_way
+  double switch_velocity[Robot::drives];  // band of the desired velocity in which the direction changes
+                                          // (rad/s or m/s), where the robot has no presliding_way
   double hold_error[Robot::drives];       // position error that asks for all of break-away; 0: off
+  double hold_velocity[Robot::drives];    // band, desired and measured, in which it acts (rad/s or m/s):
+                                          // wider than the noise of v_now
   double limit[Robot::drives];            // of the compensation (N m or N)
   double joint_effort_limit[Robot::drives];  // of joint_effort, rigid body and rotors with it (N m or N)
   double power[Robot::drives];            // it may inject beyond friction (W); inf: not watched
@@ -147,8 +149,9 @@ struct Options {
       scale[d] = viscous_scale[d] = 1.0;
       measured_scale[d] = default_measured_scale[d];
       measured_way[d] = default_measured_way[d];
-      switch_velocity[d] = 0.02;
+      switch_velocity[d] = 0.002;
       hold_error[d] = 0.0;
+      hold_velocity[d] = 0.02;
       limit[d] = default_limit[d];
       joint_effort_limit[d] = default_joint_effort_limit[d];
       power[d] = inf;
@@ -768,20 +771,16 @@ class Compensator {
   };
 
   // The direction that is compensated, and how much of break-away: see `hold_error`.
-  static void direct(double v_ref, double band, double error, double hold, double v_now, bool holds,
+  static void direct(double v_ref, double band, double error, double hold, double v_now, double slow,
                      double& direction, double& leaving) noexcept {
     leaving = 0.0;
-    if (!(band > 0.0)) {
-      direction = detail::sign(v_ref);
+    if (!(hold > 0.0)) {
+      direction = band > 0.0 ? detail::smooth_sign(v_ref / band) : detail::sign(v_ref);
       return;
     }
-    const double x = v_ref / band;
-    if (!holds || !(hold > 0.0)) {
-      direction = detail::smooth_sign(x);
-      return;
-    }
+    const double x = v_ref / slow;
     direction = detail::smooth_sign(x + detail::bell(x) * detail::smooth_sign(error / hold));
-    leaving = detail::bell(v_now / band) * std::fabs(direction);  // a joint that slips is not driven
+    leaving = detail::bell(v_now / slow) * std::fabs(direction);  // a joint that slips is not driven
   }
 
   // D of every drive, and what of friction vanishes at rest, at the velocities v (N m or N):
@@ -830,9 +829,10 @@ class Compensator {
   // Options are numbers that are not negative; limits and powers may be infinite.
   static bool valid(const Options& options) noexcept {
     for (int d = 0; d < Robot::drives; ++d) {
-      const double given[4] = {options.scale[d], options.viscous_scale[d],
-                               options.switch_velocity[d], options.hold_error[d]};
-      if (!detail::finite(given, 4) || !(options.limit[d] >= 0.0) || !(options.power[d] >= 0.0) ||
+      const double given[5] = {options.scale[d], options.viscous_scale[d],
+                               options.switch_velocity[d], options.hold_error[d],
+                               options.hold_velocity[d]};
+      if (!detail::finite(given, 5) || !(options.limit[d] >= 0.0) || !(options.power[d] >= 0.0) ||
           !(options.joint_effort_limit[d] >= 0.0) || !(options.measured_scale[d] >= 0.0) ||
           !(options.measured_scale[d] <= stable_scale[d]) || !(options.measured_way[d] > 0.0) ||
           !(options.measured_way[d] >= presliding_way[d]) || !(options.measured_way[d] <= largest))
@@ -907,13 +907,14 @@ class Compensator {
     if (measured || presliding) travel(q_ref, way, travelled);
     for (int d = 0; d < Robot::drives; ++d) {
       const double band = options.switch_velocity[d], hold = options.hold_error[d];
-      if ((hold > 0.0 && (!holds || !(band > 0.0))) || (options.power[d] < inf && !moving)) return {};
-      direct(v_ref[d], band, e[d], hold, now[d], holds, to.joint[d], to.joint_leaving[d]);
+      const double slow = options.hold_velocity[d];
+      if ((hold > 0.0 && (!holds || !(slow > 0.0))) || (options.power[d] < inf && !moving)) return {};
+      direct(v_ref[d], band, e[d], hold, now[d], slow, to.joint[d], to.joint_leaving[d]);
       to.drive[d] = to.joint[d];
       to.drive_leaving[d] = to.joint_leaving[d];
       if (Robot::coupled)
         direct(detail::rate_of(d, v_ref), band, detail::rate_of(d, e), hold, detail::rate_of(d, now),
-               holds, to.drive[d], to.drive_leaving[d]);
+               slow, to.drive[d], to.drive_leaving[d]);
       if (way[d] > 0.0) {
         to.drive[d] = travelled.drive[d];
         to.joint[d] = travelled.joint[d];

@@ -36,7 +36,7 @@ bool answer(std::FILE* in, std::FILE* out) {
     if (!compensator.set_wrench(static_cast<int>(x[0]), wrench)) accepted = 0.0;
   }
   constexpr int nv = Robot::freedoms, na = Robot::drives, ns = Robot::sites;
-  std::vector<double> row(std::size_t{7 * nv + 9 * na}), found;
+  std::vector<double> row(std::size_t{7 * nv + 10 * na}), found;
   for (int i = 0; i < static_cast<int>(counts[2]); ++i) {
     if (std::fread(row.data(), sizeof(double), row.size(), in) != row.size()) return false;
     const double *q = row.data(), *v = q + nv, *a = v + nv, *v_ref = a + nv, *error = v_ref + nv,
@@ -48,8 +48,8 @@ bool answer(std::FILE* in, std::FILE* out) {
     double* const fields[] = {options.scale, options.viscous_scale, options.switch_velocity,
                               options.hold_error, options.limit, options.power,
                               options.measured_scale, options.measured_way,
-                              options.joint_effort_limit};
-    for (int f = 0; f < 9; ++f)
+                              options.hold_velocity, options.joint_effort_limit};
+    for (int f = 0; f < 10; ++f)
       for (int d = 0; d < na; ++d) fields[f][d] = settings[f * na + d];
     Instant instant, other;
     using Size = std::size_t;  // arrays of a template's sizes: g++ warns of any other

@@ -241,7 +241,7 @@ def test_in_place_and_by_containers(tmp_path):
         ({"hold_error": 0.01}, ()),
         ({"hold_error": 0.01}, ("error",)),
         ({"hold_error": 0.01}, ("v_now",)),
-        ({"hold_error": 0.01, "switch_velocity": 0.0}, ("error", "v_now")),
+        ({"hold_error": 0.01, "hold_velocity": 0.0}, ("error", "v_now")),
         ({"power": 1.0}, ("error",)),
         ({"power": 0.0}, ()),
     ],

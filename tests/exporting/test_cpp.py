@@ -260,7 +260,7 @@ def test_blending_the_load_in_place_of_the_ends_would_not_be_passive(tmp_path):
 @pytest.mark.parametrize("scene", RICH, ids=lambda scene: scene.source)
 def test_it_is_continuous_in_the_velocity(headers, scene):
     """Ten times finer steps of velocity give about ten times smaller steps."""
-    options = CompensationOptions(switch_velocity=0.05, hold_error=0.01)
+    options = CompensationOptions(hold_velocity=0.05, hold_error=0.01)
     (q, _, a), nv, steps = sampled(scene, 11, 1), scene.model.nv, []
     for count in (2001, 20001):
         v = np.linspace(-0.1, 0.1, count)[:, None] * np.ones(nv)
@@ -300,7 +300,7 @@ def test_hold_asks_for_break_away_and_fades_as_the_joint_slips(headers):
         actuators=[{"joint": "hinge", "transmission": gear}],
     )
     solver, at = scene.solver(), [np.zeros(1)]
-    options = CompensationOptions(scale=1.0, hold_error=0.01, switch_velocity=0.02)
+    options = CompensationOptions(scale=1.0, hold_error=0.01)
 
     def found(v_ref, error, v_now):
         motion = {"error": [error], "v_now": [v_now], "options": options}

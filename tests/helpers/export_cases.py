@@ -248,7 +248,7 @@ class Headers:
         given.append(more.get("q_ref", q))
         rows = [np.zeros_like(q) if x is None else x for x in given]
         settings = np.vstack([options.table(scene), np.broadcast_to(joint_effort_limit, na)])
-        rows.append(np.broadcast_to(settings.ravel(), (len(q), 9 * na)))
+        rows.append(np.broadcast_to(settings.ravel(), (len(q), 10 * na)))
         counts = [len(payloads), len(wrenches), len(q), *(x is not None for x in (v, error, v_now))]
         flat = [np.array(counts, dtype=float)]
         flat += [np.hstack([frame, mass, com, inertia]) for frame, mass, com, inertia in payloads]
@@ -304,8 +304,8 @@ def assert_columns(found, expected, name, tolerance=1e-12):
 SETTINGS = [
     WHOLE,
     CompensationOptions(scale=0.8, viscous_scale=0.7, measured_scale=0.6),
-    CompensationOptions(scale=0.9, hold_error=0.01, switch_velocity=0.5, limit=3.0),
-    CompensationOptions(scale=1.3, hold_error=0.02, switch_velocity=0.3, power=0.01),
+    CompensationOptions(scale=0.9, hold_error=0.01, hold_velocity=0.5, limit=3.0),
+    CompensationOptions(scale=1.3, hold_error=0.02, hold_velocity=0.3, power=0.01),
 ]
 
 

@@ -50,7 +50,8 @@ class CompensationOptions:
     Attributes:
         scale: factor on dry friction and gear losses, at a desired velocity.
         viscous_scale: factor on friction that vanishes at rest, there.
-        switch_velocity: v_s, below which the compensation changes direction (rad/s or m/s).
+        switch_velocity: v_s, the desired velocity below which the compensation changes direction
+            (rad/s or m/s); one without noise needs no wide band.
         hold_error: position error at which the full break-away friction acts (rad or m); 0: off.
         limit: largest compensation (N m or N).
         power: largest power beyond that of friction (W); infinite: no limit.
@@ -59,24 +60,27 @@ class CompensationOptions:
         measured_way: way over which the compensation changes direction at a measured velocity, at
             least that over which the joint yields before it slips, the upper end of its interval
             (rad or m); None: 0.003, or twice the scene's `presliding.way` if that is more.
+        hold_velocity: v_h, desired and measured velocity below which the hold acts, in place of v_s
+            (rad/s or m/s): wider than the measured one's noise.
     """
 
     scale: Any = 1.0
     viscous_scale: Any = 1.0
-    switch_velocity: Any = 0.02
+    switch_velocity: Any = 0.002
     hold_error: Any = 0.0
     limit: Any = np.inf
     power: Any = np.inf
     measured_scale: Any = MEASURED_SCALE
     measured_way: Any = None
+    hold_velocity: Any = 0.02
 
     def table(self, scene: Scene) -> np.ndarray:
-        """Return the options as rows (8, na).
+        """Return the options as rows (9, na).
 
         Raises:
             StateError: not numbers of the drives, or below 0.
         """
-        rows = np.empty((8, len(scene.drives)))
+        rows = np.empty((9, len(scene.drives)))
         for row, entry in zip(rows, fields(self), strict=True):
             where = f"{scene.source}: CompensationOptions.{entry.name}"
             given = getattr(self, entry.name)
@@ -113,10 +117,11 @@ class CompensationOptions:
     def tables(self, scene: Scene) -> tuple[np.ndarray, np.ndarray]:
         """Return the options as a kernel takes them, of a desired and of a measured velocity.
 
-        Rows: scale, viscous scale, band, hold, limit, power, way (0: the band counts).
+        Rows: scale, viscous scale, band, hold, limit, power, way (0: the band counts), the hold's
+        band.
         """
         rows = self.table(scene)
-        desired, measured = rows[[0, 1, 2, 3, 4, 5, 7]], rows[[6, 6, 2, 3, 4, 5, 7]]
+        desired, measured = rows[[0, 1, 2, 3, 4, 5, 7, 8]], rows[[6, 6, 2, 3, 4, 5, 7, 8]]
         desired[6] = ways_of_drives(scene)
         return desired, measured
 
@@ -326,8 +331,8 @@ def check_used(scene: Scene, rows: np.ndarray, error: bool, v_now: bool, measure
             f"{scene.source}: CompensationOptions.hold_error: does nothing where friction builds "
             "up over a way (`presliding`): give 0"
         )
-    if (holding & (rows[2] == 0.0)).any():
-        raise StateError(f"{scene.source}: CompensationOptions.hold_error: needs a switch_velocity")
+    if (holding & (rows[7] == 0.0)).any():
+        raise StateError(f"{scene.source}: CompensationOptions.hold_error: needs a hold_velocity")
     if holding.any() and not (error and v_now):
         raise StateError(f"{scene.source}: CompensationOptions.hold_error: needs error and v_now")
     if not v_now and (rows[5] < np.inf).any():
@@ -404,21 +409,19 @@ def _bell(x: float) -> float:
 
 @kernel
 def _direct(
-    v_ref: float, band: float, error: float, hold: float, v_now: float
+    v_ref: float, band: float, error: float, hold: float, v_now: float, slow: float
 ) -> tuple[float, float]:
     """Return a direction and its share of break-away, which fades as the joint slips.
 
     Args:
         v_ref, band: reference velocity, v_s. error, hold: position error, `hold_error` or 0.
-        v_now: measured velocity.
+        v_now, slow: measured velocity, v_h.
     """
-    if not band > 0.0:
-        return np.sign(v_ref), 0.0
-    x = v_ref / band
-    if not hold > 0.0:
-        return smooth_sign(x), 0.0
-    direction = smooth_sign(x + _bell(x) * smooth_sign(error / hold))
-    return direction, _bell(v_now / band) * abs(direction)
+    if hold > 0.0:
+        x = v_ref / slow
+        direction = smooth_sign(x + _bell(x) * smooth_sign(error / hold))
+        return direction, _bell(v_now / slow) * abs(direction)
+    return (smooth_sign(v_ref / band) if band > 0.0 else np.sign(v_ref)), 0.0
 
 
 @kernel
@@ -503,7 +506,7 @@ def compensate(
         t, effort, load: see `friction_of`.
         v_ref, error, v_now: (nv,).
         given: (2,) bool: whether `error` is given for a hold; whether v_now is given.
-        options: (7, na), see `CompensationOptions.tables`.
+        options: (8, na), see `CompensationOptions.tables`.
         share: (2, na) z of each drive and of its own joint, used where it has a way.
         out: (na,) N m or N at the joints, overwritten.
     """
@@ -511,7 +514,7 @@ def compensate(
     dry, drag, now = np.empty(na), np.empty(na), np.zeros(na)
     to = Directions(np.zeros(nv), np.zeros(nv), np.empty(na), np.empty(na))
     for d in range(na):
-        band, hold = options[2, d], options[3, d] if given[0] else 0.0
+        band, slow, hold = options[2, d], options[7, d], options[3, d] if given[0] else 0.0
         rate = wrong = 0.0
         for i in range(nv):
             rate += t.rate[d, i] * v_ref[i]
@@ -522,8 +525,8 @@ def compensate(
             to.drive[d], to.joint[i] = share[0, d], share[1, d]
             to.drive_leaving[d] = 0.0
             continue
-        to.joint[i], to.joint_leaving[i] = _direct(v_ref[i], band, error[i], hold, v_now[i])
-        to.drive[d], to.drive_leaving[d] = _direct(rate, band, wrong, hold, now[d])
+        to.joint[i], to.joint_leaving[i] = _direct(v_ref[i], band, error[i], hold, v_now[i], slow)
+        to.drive[d], to.drive_leaving[d] = _direct(rate, band, wrong, hold, now[d], slow)
     friction_of(t, effort, load, v_ref, to, dry, drag)
     for d in range(na):
         total = options[0, d] * dry[d] + options[1, d] * drag[d]

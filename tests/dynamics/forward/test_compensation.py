@@ -1,5 +1,7 @@
 """The solver's compensation is that of the C++ header."""
 
+from dataclasses import replace
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -216,14 +218,31 @@ def test_a_slow_sine_is_tracked_to_some_micrometres_of_a_radian(
     for solver in (joint_that_yields(), joint_that_yields(way)):
 
         def friction(q, v, solver=solver):
-            return solver.compensate([q], None, None, [v], options=DRY)[0]
+            return solver.compensate([q], None, None, [v], options=WIDE)[0]
 
         found.append(tracking_error(way, amplitude, frequency, friction))
     assert found == pytest.approx([none, at_once, building], rel=0.1, abs=6e-4)
 
 
+def test_a_desired_velocity_needs_no_wide_band():
+    """0.01 rad/s, friction that yields over 0.01 mrad: the default band, and 0.02 rad/s."""
+    errors = []
+    for options in (DRY, WIDE):
+        solver = joint_that_yields()
+
+        def friction(q, v, solver=solver, options=options):
+            return solver.compensate([q], None, None, [v], options=options)[0]
+
+        errors.append(tracking_error(1e-5, 0.01 / (2 * np.pi * 0.25), 0.25, friction))
+    narrow, wide = errors
+    assert CompensationOptions().switch_velocity <= 0.002
+    assert narrow < 0.25 * wide
+    assert wide > 0.8
+
+
 #: Of the loop above, which has viscous friction on its own.
 DRY = CompensationOptions(viscous_scale=0.0)
+WIDE = replace(DRY, switch_velocity=0.02)
 
 
 def test_a_way_that_the_scene_states_bounds_that_of_the_measured_call():
