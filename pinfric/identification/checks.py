@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 
 from pinfric.errors import IdentificationError, problems_line
-from pinfric.identification.columns import Prepared, Rows
+from pinfric.identification.columns import Prepared, Rows, at_rows
 from pinfric.identification.inertias import urdf_prior
 from pinfric.identification.laws import COULOMB, GEARS, INERTIA, PLAIN
 from pinfric.identification.normal import Fit, Prior, beside, orthonormal, residuals
@@ -115,8 +115,7 @@ def gravity_scales(
     for j, own in enumerate(rows):
         if own.effort.size < _FEWEST:
             continue
-        seen = [part[log.slides[:, j], j] for part, log in zip(parts, logs, strict=True)]
-        G = np.concatenate(seen)
+        G = at_rows(parts, logs, j)
         others = np.column_stack((own.load - G, own.slots[:, [*_OWN, losses]], np.ones(G.size)))
         y, g = beside(orthonormal(others), np.column_stack((own.effort, G))).T
         size = float(g @ g)

@@ -291,10 +291,7 @@ def _sliding(recording: Recording, known: BoolArray) -> BoolArray:
     stands = (np.abs(v) <= recording.slowest) | ~known
     if coarse(step):  # else signs tell the reversals, and these the delay
         stands[1:] |= v[1:] * v[:-1] < 0.0  # between two samples it was as slow
-    slides = ~_beside(stands, step)
-    ends = int(np.ceil(_AT_ENDS / step))
-    slides[:ends] = slides[-ends:] = False
-    return slides
+    return _apart(stands, step)
 
 
 def coarse(step: float) -> bool:
@@ -304,21 +301,25 @@ def coarse(step: float) -> bool:
 
 def unresting(recording: Recording) -> BoolArray:
     """(T, nj) where a joint moves or only turns, with a known effort."""
-    step, known = recording.step, np.isfinite(recording.effort)
-    slow = np.abs(recording.velocity) <= recording.slowest
-    reach = int(np.ceil(_TURN / step))
-    count = np.cumsum(np.pad(slow, ((reach, reach), (0, 0)), mode="edge"), axis=0)
-    held = np.zeros_like(slow)
-    held[:] = (count[2 * reach :] - np.pad(count, ((1, 0), (0, 0)))[: -2 * reach - 1]) > 2 * reach
-    moves = ~_beside(held, step) & ~_beside(~known, step)
-    ends = int(np.ceil(_AT_ENDS / step))
-    moves[:ends] = moves[-ends:] = False
-    return moves
+    fast = np.abs(recording.velocity) > recording.slowest
+    held = ~_near(fast, int(np.ceil(_TURN / recording.step)))
+    return _apart(held | ~np.isfinite(recording.effort), recording.step)
+
+
+def _apart(stands: BoolArray, step: float) -> BoolArray:
+    """Return (T, nj) where no low pass reaches from what stands, nor from a log's ends."""
+    apart, ends = ~_beside(stands, step), int(np.ceil(_AT_ENDS / step))
+    apart[:ends] = apart[-ends:] = False
+    return apart
 
 
 def _beside(where: BoolArray, step: float) -> BoolArray:
     """Return (T, nj) where `where` holds or reaches through the low pass."""
-    reach = int(np.ceil(_BESIDE / (PASS * step)))
+    return _near(where, int(np.ceil(_BESIDE / (PASS * step))))
+
+
+def _near(where: BoolArray, reach: int) -> BoolArray:
+    """Return (T, nj) where `where` holds up to `reach` samples before or after."""
     count = np.cumsum(np.pad(where, ((reach + 1, reach), (0, 0)), mode="edge"), axis=0)
     return np.asarray(count[2 * reach + 1 :] - count[: -2 * reach - 1] > 0)
 
@@ -420,6 +421,12 @@ def joint_rows(logs: Sequence[Prepared], joint: int, delay: float) -> Rows:
             other += own
             own[:] = 0.0
     return joined
+
+
+def at_rows(parts: Sequence[FloatArray], logs: Sequence[Prepared], joint: int) -> FloatArray:
+    """Return a joint's column at its rows in all logs, of columns (n, nj) at what each keeps."""
+    pairs = zip(parts, logs, strict=True)
+    return np.concatenate([part[log.slides[:, joint], joint] for part, log in pairs])
 
 
 def blocks(t: FloatArray) -> tuple[int, IntArray]:

@@ -71,13 +71,8 @@ class BlockProducts:
     def of(cls, rows: Rows, weight: FloatArray, blocks: int) -> BlockProducts:
         """Sum the products of a joint's weighted rows."""
         columns = np.column_stack((rows.rigid, rows.slots, rows.effort))
-        size = columns.shape[1]
-        products, count = np.zeros((blocks, size, size)), np.zeros(blocks)
-        for b in np.unique(rows.block):
-            in_block = rows.block == b
-            products[b] = gram(columns[in_block], weight[in_block])
-            count[b] = in_block.sum()
-        return cls(products, count)
+        count = np.bincount(rows.block, minlength=blocks).astype(np.float64)
+        return cls(products_by_block(columns, weight, rows.block, blocks), count)
 
 
 @dataclass(frozen=True)
@@ -199,6 +194,22 @@ def weighted(rows: Sequence[Rows], fit: Fit) -> tuple[tuple[FloatArray, ...], Fl
         least = _EXACT**2 * float(np.mean(own.effort**2)) + 1e-12
         of_joints.append(1.0 / max(float(np.mean(weight * off**2)), least))
     return tuple(of_rows), np.array(of_joints)
+
+
+def products_by_block(
+    columns: FloatArray, weight: FloatArray, block: IntArray, blocks: int
+) -> FloatArray:
+    """Return A^T W A of each block's rows, (blocks, p, p).
+
+    Args:
+        columns: (n, p) A. weight: (n,) the diagonal of W. block: (n,) number of each row's block.
+    """
+    size = columns.shape[1]
+    products = np.zeros((blocks, size, size))
+    for b in np.unique(block):
+        in_block = block == b
+        products[b] = gram(columns[in_block], weight[in_block])
+    return products
 
 
 def gram(columns: FloatArray, weight: FloatArray) -> FloatArray:

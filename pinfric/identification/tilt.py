@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pinfric.identification.checks import gravity_efforts
+from pinfric.identification.columns import at_rows
 from pinfric.identification.estimate import Estimate
 from pinfric.identification.inertias import urdf_prior, with_parameters
 from pinfric.identification.influence import influence
@@ -61,7 +62,7 @@ def base_tilt(estimate: Estimate) -> Tilt | None:
     G_i are the efforts of gravity of 1 m/s^2 along two directions across the scene's. Friction is
     plain: what a tilt does may have chosen other laws.
     """
-    scene, problem = estimate.question.scene, estimate.problem
+    scene, problem, logs = estimate.question.scene, estimate.problem, estimate.prepared
     down = np.asarray(scene.model.gravity.linear)
     size = float(np.linalg.norm(down))
     if size == 0.0 or estimate.question.no_gravity:
@@ -82,7 +83,8 @@ def base_tilt(estimate: Estimate) -> Tilt | None:
         for direction in across * (number > 0):
             model = with_parameters(scene.model, theta)
             model.gravity.linear = direction
-            columns.append(_rows_of(estimate, gravity_efforts(model, scene, estimate.prepared)))
+            efforts = gravity_efforts(model, scene, logs)
+            columns.append([at_rows(efforts, logs, j) for j in range(len(estimate.rows))])
         # 2. a fit beside them
         rows = [
             replace(own, rigid=np.column_stack((own.rigid, *seen)))
@@ -105,12 +107,3 @@ def base_tilt(estimate: Estimate) -> Tilt | None:
     error = float(np.linalg.norm(moved[:, p : p + 2] @ fit.theta[p:])) / max(aside, 1e-300) / size
     gravity = (down + turned) * size / np.hypot(size, aside)
     return Tilt(gravity, float(np.arctan2(aside, size)), error, left / max(first, 1e-300))
-
-
-def _rows_of(estimate: Estimate, parts: list[FloatArray]) -> list[FloatArray]:
-    """Return each joint's column at its rows, of columns (n, nj) at what each log keeps."""
-    logs = list(zip(parts, estimate.prepared, strict=True))
-    return [
-        np.concatenate([part[log.slides[:, j], j] for part, log in logs])
-        for j in range(len(estimate.rows))
-    ]

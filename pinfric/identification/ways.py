@@ -17,8 +17,8 @@ import numpy as np
 
 from pinfric.dynamics.samples.presliding import carry_shares
 from pinfric.identification.columns import Prepared, passed, unresting
-from pinfric.identification.laws import INERTIA
-from pinfric.identification.normal import Prior
+from pinfric.identification.laws import INERTIA, PLAIN
+from pinfric.identification.normal import Prior, products_by_block
 from pinfric.model.arrays import BoolArray, FloatArray, IntArray
 from pinfric.model.presliding import GRADUAL
 
@@ -33,9 +33,9 @@ _CLEAR, _WORTH = 2.0, 0.02
 _ABOVE_NOISE, _OF_STROKE = 3.0, 0.125
 #: Fewest reversals of a joint from which a way is looked for.
 FEWEST = 6
-#: Slot of viscous friction; relative change of d for its derivative; rounds of Gauss-Newton, and of
-#: that of a fit without one way.
-_VISCOUS, _CHANGE, _ROUNDS, _RIVALS = 3, 1.05, 6, 4
+#: Relative change of d for its derivative; rounds of Gauss-Newton, and of that of a fit without one
+#: way.
+_CHANGE, _ROUNDS, _RIVALS = 1.05, 6, 4
 #: Standard deviation of log d that the shape of the build-up leaves.
 _OF_SHAPE = 0.08
 
@@ -86,10 +86,11 @@ def shares(prepared: Prepared, joint: int, way: float, gradual: bool) -> FloatAr
 def with_ways(prepared: Prepared, ways: Sequence[Way | None]) -> Prepared:
     """Return a log whose dry friction builds up, with the rows beside reversals of these joints."""
     share, slides = prepared.share.copy(), prepared.slides.copy()
+    moves = unresting(prepared.recording)[prepared.kept]
     for j, way in enumerate(ways):
         if way is not None:
             share[:, j] = shares(prepared, j, way.value, way.gradual)
-            slides[:, j] = unresting(prepared.recording)[prepared.kept, j]
+            slides[:, j] = moves[:, j]
     return replace(prepared, share=share, slides=slides, turns=np.zeros_like(slides))
 
 
@@ -122,13 +123,14 @@ class _Logs:
         total = sum(log.kept.size for log in self.logs)
         stride = max(1, total // _MOST)
         self.weights, self.rows = np.ones(nj), [[] for _ in range(nj)]
+        moves = [unresting(log.recording)[log.kept] for log in self.logs]
         place, first = [], 0
         for log in self.logs:
             place.append(np.arange(first, first + log.kept.size) * BLOCKS // total)
             first += log.kept.size
         for j in range(nj):
-            for log in self.logs:
-                use = np.flatnonzero(unresting(log.recording)[log.kept, j])
+            for own in moves:
+                use = np.flatnonzero(own[:, j])
                 self.rows[j].append(use[use % stride == 0])
         self.block = [
             np.concatenate([at[use] for at, use in zip(place, self.rows[j], strict=True)])
@@ -143,7 +145,7 @@ class _Logs:
         """(n, p + 2) columns of a joint that do not depend on ways."""
         return np.concatenate(
             [
-                np.hstack((log.rigid[use, j], log.slots[use, j][:, [INERTIA, _VISCOUS]]))
+                np.hstack((log.rigid[use, j], log.slots[use, j][:, [INERTIA, PLAIN.slots[2]]]))
                 for log, use in zip(self.logs, self.rows[j], strict=True)
             ]
         )
@@ -257,7 +259,7 @@ def _polished(
             dry = logs.dry(j, [float(ways[j]) * x for x in near])
             y = logs.effort(j, delay)
             linear = np.hstack((fixed[j], dry[:, :2], y[:, None])) * logs.weights[j]
-            products.append(_by_block(linear, logs.block[j]))
+            products.append(products_by_block(linear, np.ones(len(y)), logs.block[j], BLOCKS))
             to = [*range(p), *range(p + 1 + 5 * j, p + 5 + 5 * j)]
             whole = products[-1].sum(axis=0)
             theta_left[np.ix_(to, to)] += whole[:-1, :-1]
@@ -301,16 +303,6 @@ def _polished(
             break
     assert best is not None
     return best, scores, left
-
-
-def _by_block(columns: FloatArray, block: IntArray) -> FloatArray:
-    """(blocks, m, m) products of columns (n, m)."""
-    size = columns.shape[1]
-    result = np.zeros((BLOCKS, size, size))
-    for b in np.unique(block):
-        own = columns[block == b]
-        result[b] = own.T @ own
-    return result
 
 
 def _held_out(logs: _Logs, fit: _Fit, joint: int | None = None) -> FloatArray:
