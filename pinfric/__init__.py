@@ -14,6 +14,33 @@ os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 
 __version__ = "0.1.0"
 
+#: Errors and warnings, as documented.
+_ERRORS = (
+    "PinfricError",
+    "SceneError",
+    "RobotError",
+    "TrajectoryError",
+    "StateError",
+    "LoopMotionError",
+    "ClosureError",
+    "UndrivenMotionError",
+    "ToggleError",
+    "RollMomentError",
+    "AccelerationError",
+    "NoConsistentAcceleration",
+    "AmbiguousAcceleration",
+    "UndecidedAcceleration",
+    "GearJam",
+    "SimulationError",
+    "SimulationInterrupted",
+    "StopError",
+    "IdentificationError",
+    "CatalogError",
+    "SizingError",
+    "RetimeError",
+    "SweepError",
+    "PinfricWarning",
+)
 #: Public name -> its module, which is imported at first use so that `pinfric --help` starts fast.
 _PUBLIC = {
     "Scene": "pinfric.model.scene",
@@ -61,14 +88,12 @@ _PUBLIC = {
     "retime": "pinfric.retiming.retime",
     "RetimeResult": "pinfric.retiming.retime",
     "Path": "pinfric.retiming.path",
-    "RetimeError": "pinfric.errors",
     "stop": "pinfric.stops.study",
     "StopResult": "pinfric.stops.study",
     "sweep": "pinfric.sweeps.run",
     "SweepResult": "pinfric.sweeps.result",
     "replay": "pinfric.show.replay.replay",
-    "PinfricError": "pinfric.errors",
-    "PinfricWarning": "pinfric.errors",
+    **dict.fromkeys(_ERRORS, "pinfric.errors"),
 }
 
 __all__ = [*_PUBLIC, "__version__"]
@@ -100,9 +125,30 @@ if TYPE_CHECKING:  # the same names for type checkers, which do not run __getatt
     from pinfric.dynamics.warm_up import warm_up as warm_up
     from pinfric.elastic.motion import Elasticity as Elasticity
     from pinfric.elastic.motion import elasticity as elasticity
+    from pinfric.errors import AccelerationError as AccelerationError
+    from pinfric.errors import AmbiguousAcceleration as AmbiguousAcceleration
+    from pinfric.errors import CatalogError as CatalogError
+    from pinfric.errors import ClosureError as ClosureError
+    from pinfric.errors import GearJam as GearJam
+    from pinfric.errors import IdentificationError as IdentificationError
+    from pinfric.errors import LoopMotionError as LoopMotionError
+    from pinfric.errors import NoConsistentAcceleration as NoConsistentAcceleration
     from pinfric.errors import PinfricError as PinfricError
     from pinfric.errors import PinfricWarning as PinfricWarning
     from pinfric.errors import RetimeError as RetimeError
+    from pinfric.errors import RobotError as RobotError
+    from pinfric.errors import RollMomentError as RollMomentError
+    from pinfric.errors import SceneError as SceneError
+    from pinfric.errors import SimulationError as SimulationError
+    from pinfric.errors import SimulationInterrupted as SimulationInterrupted
+    from pinfric.errors import SizingError as SizingError
+    from pinfric.errors import StateError as StateError
+    from pinfric.errors import StopError as StopError
+    from pinfric.errors import SweepError as SweepError
+    from pinfric.errors import ToggleError as ToggleError
+    from pinfric.errors import TrajectoryError as TrajectoryError
+    from pinfric.errors import UndecidedAcceleration as UndecidedAcceleration
+    from pinfric.errors import UndrivenMotionError as UndrivenMotionError
     from pinfric.exporting.export import Exported as Exported
     from pinfric.exporting.export import export as export
     from pinfric.exporting.mujoco_bridge import MujocoFriction as MujocoFriction
@@ -134,10 +180,7 @@ def __getattr__(name: str) -> Any:
         value = _load(name)
         globals()[name] = value  # later accesses skip this function, which takes 3 us
         return value
-    from pinfric.errors import removed
-
-    gone = removed(f"pinfric.{name}")
-    raise AttributeError(f"module 'pinfric' has no attribute {name!r}{gone and f'; {gone}'}")
+    raise AttributeError(f"module 'pinfric' has no attribute {name!r}")
 
 
 #: What lower rooms call and users do not.

@@ -24,7 +24,7 @@ from typing import Annotated, Any
 import typer
 
 from pinfric import __version__
-from pinfric.errors import PinfricError, PinfricWarning, SimulationInterrupted, plain, removed
+from pinfric.errors import PinfricError, PinfricWarning, SimulationInterrupted, plain
 from pinfric.kernels import NOTICES
 from pinfric.model.inputs import note_input, running, running_command
 from pinfric.terminal import (
@@ -36,6 +36,8 @@ from pinfric.terminal import (
     load_motion_of,
     option,
     pairs,
+    picture_files,
+    pictures,
     print_line,
     progress,
     run,
@@ -149,10 +151,10 @@ def inverse(
     """Compute the efforts that a motion needs.
 
     One value while a joint slides, a torque range while it sticks; with elastic gears also the
-    tool's position at rest and natural frequencies. --out writes efforts.csv, efforts.png,
-    summary.json, for a log with efforts measured.png, for elastic gears tool.png.
+    tool's position at rest and natural frequencies. --out writes efforts.csv, summary.json
+    and the pictures (PNG and PDF) efforts, for a log with efforts measured, for elastic gears tool.
     """
-    names = "efforts.csv", "efforts.png", "measured.png", "tool.png", "summary.json"
+    names = ["efforts.csv", *picture_files("efforts", "measured", "tool"), "summary.json"]
     scene, trajectory = load(scene_name, trajectory_name, log, out, names)
     from pinfric.dynamics.inverse.inverse import inverse_dynamics
     from pinfric.elastic.motion import elasticity
@@ -172,12 +174,12 @@ def inverse(
         summary = inverse_summary(result, trajectory.source, judged, elastic)
     files: Files = {
         "efforts.csv": lambda path: result.to_dataframe().to_csv(path, index=False),
-        "efforts.png": lambda path: effort_figure(result, name, log=judged).savefig(path),
+        **pictures(efforts=lambda: effort_figure(result, name, log=judged)),
     }
     if judged is not None and judged.measured:
-        files["measured.png"] = lambda path: measured_figure(result, judged, name).savefig(path)
+        files |= pictures(measured=lambda: measured_figure(result, judged, name))
     if elastic is not None and elastic.worst is not None:
-        files["tool.png"] = lambda path: tool_figure(elastic, name).savefig(path)
+        files |= pictures(tool=lambda: tool_figure(elastic, name))
     report = partial(inverse_report, result, summary, judged, run.verbose)
     said = partial(verdict, result, summary)
     answer("inverse", summary, report, as_json, out, files, verdict=said, scene=scene, judged=True)
@@ -197,10 +199,10 @@ def simulate(
 ) -> None:
     """Simulate a scene under its own efforts, with stick and slip.
 
-    Runs the scene's `simulation` section. --out writes motion.csv, motion.npz, motion.png and
-    summary.json.
+    Runs the scene's `simulation` section. --out writes motion.csv, motion.npz, motion.png,
+    motion.pdf and summary.json.
     """
-    names = "motion.csv", "motion.npz", "motion.png", "summary.json"
+    names = ["motion.csv", "motion.npz", *picture_files("motion"), "summary.json"]
     scene, _ = load(scene_name, out=out, names=names)
     from pinfric.dynamics.simulation.simulate import simulate
     from pinfric.show.figure.motion import motion_figure
@@ -221,7 +223,7 @@ def simulate(
     files: Files = {
         "motion.csv": lambda path: motion.to_dataframe().to_csv(path, index=False),
         "motion.npz": motion.save,
-        "motion.png": lambda path: motion_figure(motion).savefig(path),
+        **pictures(motion=partial(motion_figure, motion)),
     }
     report = partial(motion_report, motion, summary)
     answer("simulate", summary, report, as_json, out, files, scene=scene)
@@ -239,7 +241,7 @@ def paper(
 ) -> None:
     """Reproduce both examples of the paper, forward and inverse, and a loop, in two formulations.
 
-    --out writes the paper's figures 5, 6, 8, 9, 10 and summary.json.
+    --out writes the paper's figures 5, 6, 8, 9, 10 (PNG and PDF) and summary.json.
     """
     from pinfric.model.files import check_writable
     from pinfric.paper import reproduction
@@ -251,7 +253,8 @@ def paper(
             f"{reading!r}: there are consistent, literal", param_hint="--reading"
         )
     if out is not None:
-        check_writable(out, [*(f"figure_{n}.png" for n in (5, 6, 8, 9, 10)), "summary.json"])
+        names = picture_files(*(f"figure_{n}" for n in (5, 6, 8, 9, 10)))
+        check_writable(out, [*names, "summary.json"])
     if reading == "literal":
         with working("simulating both examples as printed"):
             literal = [reproduction.read_literally(example) for example in reproduction.EXAMPLES]
@@ -264,7 +267,7 @@ def paper(
         reproduced = reproduction.Examples(tuple(examples), loop)
         report = paper_report(examples, loop)
         figures = paper_figures(*examples) if out is not None else {}
-    files: Files = {name: figure.savefig for name, figure in figures.items()}
+    files = pictures(**{name: partial(figures.__getitem__, name) for name in figures})
     answer("paper", reproduced, lambda: report, as_json, out, files)
 
 
@@ -471,9 +474,10 @@ def stop(
     """Find the worst stops of a cycle, commanded anywhere along it.
 
     Stopping time and travel of each axis, the tool's path, sag, energy of brakes and peaks of
-    gears, by payload and speed. --out writes summary.json, report.html and stop.png.
+    gears, by payload and speed. --out writes summary.json, report.html, stop.png
+    and stop.pdf.
     """
-    names = "report.html", "stop.png", "summary.json"
+    names = ["report.html", *picture_files("stop"), "summary.json"]
     scene, trajectory = load(scene_name, trajectory_name, log, out, names)
     from pinfric.checking.findings import errors
     from pinfric.show.figure.stop import stop_figure
@@ -486,7 +490,7 @@ def stop(
     summary = stop_summary(result)
     files: Files = {
         "report.html": lambda path: path.write_text(stop_page(result), encoding="utf-8"),
-        "stop.png": lambda path: stop_figure(result).savefig(path),
+        **pictures(stop=partial(stop_figure, result)),
     }
     tables = partial(stop_report, scene.source, summary, run.verbose, out is not None)
     said = partial(verdict, summary)
@@ -515,10 +519,10 @@ def retime(
     """Find the fastest motion along a path, and the drives that limit it.
 
     Limits: motor torque, speed-torque line, heat, gear and joint (without --motors the URDF's).
-    All friction and gear losses are included. --out writes trajectory.csv, retime.png and
-    summary.json.
+    All friction and gear losses are included. --out writes trajectory.csv, retime.png,
+    retime.pdf and summary.json.
     """
-    names = "trajectory.csv", "retime.png", "summary.json"
+    names = ["trajectory.csv", *picture_files("retime"), "summary.json"]
     scene, _ = load(scene_name, out=out, names=names, later=[path_name, motors])
     from pinfric.retiming.retime import retime
     from pinfric.retiming.summary import retime_summary
@@ -531,7 +535,7 @@ def retime(
     summary = retime_summary(result)
     files: Files = {
         "trajectory.csv": result.trajectory.to_csv,
-        "retime.png": lambda path: retime_figure(result).savefig(path),
+        **pictures(retime=partial(retime_figure, result)),
     }
     report = partial(retime_report, result, summary, run.verbose, out is not None)
     said = partial(verdict, summary)
@@ -560,9 +564,10 @@ def sweep(
     """Vary friction, payload, speed and mounting of a cycle.
 
     Gives percentiles of each joint's peak and RMS, how often a motor suffices, and the most
-    influential parameters. --out writes samples.csv, sweep.png and summary.json.
+    influential parameters. --out writes samples.csv, sweep.png, sweep.pdf and
+    summary.json.
     """
-    names = "samples.csv", "sweep.png", "summary.json"
+    names = ["samples.csv", *picture_files("sweep"), "summary.json"]
     scene, trajectory = load(scene_name, trajectory_name, log, out, names, [sweep_name])
     from pinfric.show.figure.sweep import sweep_figure
     from pinfric.show.report.sweep import sweep_report
@@ -578,7 +583,7 @@ def sweep(
     summary = sweep_summary(result)
     files: Files = {
         "samples.csv": lambda path: result.to_dataframe().to_csv(path, index=False),
-        "sweep.png": lambda path: sweep_figure(result).savefig(path),
+        **pictures(sweep=partial(sweep_figure, result)),
     }
     tables = partial(sweep_report, result, summary)
     answer("sweep", summary, tables, as_json, out, files, scene=scene)
@@ -881,9 +886,9 @@ def _warm_up_studies(scene: Any) -> None:
 def accuracy(scene_name: SceneName, out: OutFolder = None, as_json: AsJson = False) -> None:
     """Measure computing time against accuracy of each method of simulation.
 
-    --out writes accuracy.png, accuracy.csv and summary.json.
+    --out writes accuracy.png, accuracy.pdf, accuracy.csv and summary.json.
     """
-    names = "accuracy.png", "accuracy.csv", "summary.json"
+    names = [*picture_files("accuracy"), "accuracy.csv", "summary.json"]
     scene, _ = load(scene_name, out=out, names=names)
     from pinfric.accuracy.study import accuracy
     from pinfric.show.figure.accuracy import accuracy_figure
@@ -892,7 +897,7 @@ def accuracy(scene_name: SceneName, out: OutFolder = None, as_json: AsJson = Fal
     with working("measuring, half a minute or more; minutes with closed loops"):
         measured = accuracy(scene)
     files: Files = {
-        "accuracy.png": lambda path: accuracy_figure(measured).savefig(path),
+        **pictures(accuracy=partial(accuracy_figure, measured)),
         "accuracy.csv": lambda path: measured.summary().to_csv(path),
     }
     report = partial(accuracy_report, measured)
@@ -1044,9 +1049,7 @@ def _run(arguments: list[str]) -> int:
         command = problem.ctx.command_path if problem.ctx else "pinfric"
         before, said, complaint = problem.format_message().partition("Input ")
         said = plain(complaint) if said else ""  # typer says of numbers what pydantic says
-        words = (word.partition("=")[0] for word in arguments)
-        gone = [f"{word}: {why}" for word in words if (why := removed(f"{command} {word}"))]
-        message, code = f"{gone[0] if gone else before + said} (see {command} --help)", BAD_INPUT
+        message, code = f"{before}{said} (see {command} --help)", BAD_INPUT
     except (KeyboardInterrupt, typer.Abort):  # typer before 0.20 has Abort, later an exit code
         message, code = "interrupted", INTERRUPTED
     except Exception as problem:

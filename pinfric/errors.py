@@ -16,27 +16,6 @@ _WORDS = {
     "greater than or equal to": "at least",
     "less than or equal to": "at most",
 }
-_TO_CONSTANTS = "write `--to constants`; the guide's page on other engines has the code"
-#: What was removed, as one writes it -> what takes its place: an option ("pinfric size --x"), a
-#: command ("pinfric x"), a key of a file ("SweepFile.x", by its class), a value ("--to x").
-REMOVED = {
-    **dict.fromkeys(("--to ur", "--to isaaclab", "--to newton", "--to pinocchio"), _TO_CONSTANTS),
-    "pinfric retime --sensitivity": "run `retime` again with other limits or drives",
-    "pinfric size --fastest": "run `retime` with the chosen drives",
-    **dict.fromkeys(
-        (
-            f"MotorOnTrial.{key}"
-            for key in ("motor", "continuous_torque", "peak_torque", "max_speed")
-        ),
-        "name a `drive` of a catalogue, motor and gear",
-    ),
-    "DriveLimits.transmission": "give it to the scene, under `actuators`",
-    "NamedDrive.transmission": "give it to the scene, under `actuators`",
-    "pinfric.run_scene": "call pf.simulate(scene)",
-    "pinfric replay --live": "the page plays without a server (--html FILE)",
-    "pinfric sweep --scheduler": "write --cluster ADDRESS",
-    "pinfric size --what-if": "for another scene (`robot.masses`, no `friction`) run `size` again",
-}
 #: Letters of a whole message: longer than any path, shorter than a screen.
 _MOST_LETTERS = 6000
 
@@ -330,11 +309,6 @@ def choose_from(name: object, allowed: Iterable[str], taken: Iterable[object] = 
         return f"the nearest of {len(names)}: {', '.join(map(repr, nearest))}"
     guess = f"did you mean {near[0]!r}? " if near else ""
     return f"{guess}there are: {', '.join(names)}"
-
-
-def removed(name: str) -> str:
-    """Return what replaces a removed name (see `REMOVED`), "" for any other."""
-    return f"it was removed; {REMOVED[name]}" if name in REMOVED else ""
 
 
 def plain(message: str) -> str:

@@ -17,6 +17,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from functools import cache, partial
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, TextIO
@@ -28,6 +29,7 @@ from pinfric.errors import PinfricWarning, one_line
 from pinfric.kernels import NOTICES
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
     from rich.console import RenderableType
 
     from pinfric.model.files import Writer
@@ -268,6 +270,25 @@ def show(answer: Mapping[str, Any] | Sequence[RenderableType]) -> None:
         console.print(*answer, sep="\n", crop=False)
     lines = captured.get().rstrip().split("\n")
     print_line("\n".join(line.rstrip() for line in lines))
+
+
+def picture_files(*names: str) -> list[str]:
+    """Return the files of pictures: each is a PNG for the screen and a PDF for print."""
+    return [f"{name}.{kind}" for name in names for kind in ("png", "pdf")]
+
+
+def pictures(**figures: Callable[[], Figure]) -> dict[str, Writer]:
+    """Return what writes the files of pictures (`picture_files`); each is drawn once."""
+
+    def write(draw: Callable[[], Figure], path: Path) -> None:
+        dateless = {"CreationDate": None} if path.suffix == ".pdf" else {}
+        draw().savefig(path, metadata=dateless)  # the same run writes the same bytes
+
+    writers: dict[str, Writer] = {}
+    for name, figure in figures.items():
+        draw = cache(figure)
+        writers |= {file: partial(write, draw) for file in picture_files(name)}
+    return writers
 
 
 def answer(

@@ -60,6 +60,7 @@ def test_out_holds_efforts_figure_and_summary(files, capsys):
     folder = files / "results" / "run1"
     assert results_in(folder) == [
         "efforts.csv",
+        "efforts.pdf",
         "efforts.png",
         "summary.json",
     ]
@@ -68,6 +69,7 @@ def test_out_holds_efforts_figure_and_summary(files, capsys):
     peak = efforts[["shoulder.effort_lower", "shoulder.effort_upper"]].abs().to_numpy().max()
     assert result_of(out)["joints"][0]["peak"] == pytest.approx(peak)
     assert (folder / "efforts.png").read_bytes().startswith(b"\x89PNG")
+    assert (folder / "efforts.pdf").read_bytes().startswith(b"%PDF")
     assert err.startswith("pinfric: wrote ")
 
 
@@ -221,7 +223,7 @@ def test_sweep_prints_tables_and_writes_samples_figure_and_summary(files, capsys
     (files / "s.yaml").write_text(SWEEP)
     printed = told(capsys, "sweep", "arm.yaml", "way.yaml", "s.yaml", "--out", "out")
     assert_printed(__file__, "sweep", printed.out)
-    names = {"samples.csv", "sweep.png", "summary.json"}
+    names = {"samples.csv", "sweep.pdf", "sweep.png", "summary.json"}
     assert set(results_in(files / "out")) == names
     again = told(capsys, "sweep", "arm.yaml", "way.yaml", "s.yaml", "--out", "out", "--json")
     summary = validated(again.out)

@@ -19,18 +19,16 @@ import pinfric.motions.log.judged
 import pinfric.motions.rating  # all that `inverse` loads, before a test breaks a function of it
 from pinfric import __version__, cli, terminal
 from pinfric.errors import (
-    REMOVED,
     PinfricError,
     SceneError,
     choose_from,
     one_line,
     problems_line,
 )
-from pinfric.exporting.export import FORMATS as EXPORTS
 from pinfric.formats import FORMATS
 from pinfric.kernels import NOTICES
 from pinfric.model.csv_text import number_of
-from pinfric.model.entry import Entry, parse
+from pinfric.model.entry import parse
 from pinfric.sizing.choice import time_left
 
 
@@ -43,11 +41,6 @@ def shell(*arguments, **options):
         env={**os.environ, "PYTHONPATH": str(ROOT)},
         **options,
     )
-
-
-def all_entries(kind):
-    """A class of entries and all below it."""
-    return {kind, *(one for below in kind.__subclasses__() for one in all_entries(below))}
 
 
 def test_numbers_of_an_option_may_be_listed():
@@ -158,35 +151,6 @@ def test_defect_is_one_line_unless_a_traceback_is_asked_for(files, capsys, monke
 )
 def test_wrong_usage_is_one_line(arguments, culprit, capsys):
     assert culprit in refused(capsys, *arguments)
-
-
-@pytest.mark.parametrize(
-    ("arguments", "gone"),
-    [
-        (["size", "pendulum", "pendulum", "--what-if"], "pinfric size --what-if"),
-        (["size", "pendulum", "pendulum", "--fastest=2"], "pinfric size --fastest"),
-        (["sweep", "a", "b", "c", "--scheduler", "tcp://h:1"], "pinfric sweep --scheduler"),
-        (["export", "pendulum", "--to", "ur"], "--to ur"),
-    ],
-)
-def test_what_was_removed_is_answered_with_what_takes_its_place(arguments, gone, capsys):
-    assert f"it was removed; {REMOVED[gone]}" in refused(capsys, *arguments)
-
-
-def test_no_removed_name_is_there_again(capsys):
-    kinds = {kind.__name__: kind for kind in all_entries(Entry)}
-    for gone in REMOVED:
-        words = gone.split()
-        if words[0] == "pinfric":
-            assert "it was removed" in refused(capsys, *words[1:])
-        elif words[0] == "--to":
-            assert words[1] not in EXPORTS
-        elif gone.startswith("pinfric."):
-            with pytest.raises(AttributeError, match="it was removed"):
-                getattr(pf, gone.removeprefix("pinfric."))
-        else:
-            kind, key = gone.split(".")
-            assert key not in kinds[kind].model_fields
 
 
 @pytest.mark.slow

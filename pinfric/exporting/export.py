@@ -16,7 +16,7 @@ from pinfric.dynamics.inverse.inverse import inverse_dynamics
 from pinfric.dynamics.inverse.result import InverseResult
 from pinfric.dynamics.samples.random_states import random_states
 from pinfric.dynamics.samples.states import MotionLike
-from pinfric.errors import PinfricError, PinfricWarning, choose_from, removed
+from pinfric.errors import PinfricError, PinfricWarning, choose_from
 from pinfric.exporting.constants import JointConstants, joint_constants
 from pinfric.exporting.controller import compensator, level_uncertainty
 from pinfric.exporting.cpp import check_frames, header_name
@@ -181,8 +181,7 @@ def file_names(scene: Scene, to: str, namespace: str = "") -> list[str]:
 
 def _check_format(to: str) -> None:
     if to not in FORMATS:
-        gone = removed(f"--to {to}")
-        raise PinfricError(f"export: to {to!r}: {gone or choose_from(to, FORMATS)}")
+        raise PinfricError(f"export: to {to!r}: {choose_from(to, FORMATS)}")
 
 
 def export(

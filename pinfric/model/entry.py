@@ -39,7 +39,6 @@ from pinfric.errors import (
     choose_from,
     plain,
     problems_line,
-    removed,
 )
 from pinfric.model.magnitudes import LARGEST, SMALLEST
 from pinfric.model.yamlfile import brief, yaml_line
@@ -159,9 +158,7 @@ class Entry(BaseModel):
         if data.keys() <= set(names):
             return data
         return {
-            name: value
-            if name in names
-            else removed(f"{cls.__name__}.{name}") or choose_from(name, names, data)
+            name: value if name in names else choose_from(name, names, data)
             for name, value in data.items()
         }
 

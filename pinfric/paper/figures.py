@@ -60,11 +60,11 @@ def paper_figures(pendulum: Reproduction, three_link: Reproduction) -> dict[str,
     torque.set_ylabel("$T_{A12}$ (N m)")
     torque.legend(**_COLUMNS, bbox_to_anchor=(0, 1))
     return {
-        "figure_5.png": figure_5,
-        "figure_6.png": figure_6,
-        "figure_8.png": figure_8,
-        "figure_9.png": figure_9,
-        "figure_10.png": figure_10,
+        "figure_5": figure_5,
+        "figure_6": figure_6,
+        "figure_8": figure_8,
+        "figure_9": figure_9,
+        "figure_10": figure_10,
     }
 
 

@@ -51,19 +51,20 @@ def plot(result: Any, **options: Any) -> Figure:
     """Return the figure that `--out` writes for a result.
 
     Args:
-        result: of `inverse_dynamics` (options: `trajectory`, a name for the title; `drives`, names
-            of those to draw), `elasticity` (the tool's places at rest; options: `title`, `rest`),
-            `simulate`, `size` (efforts of the cycle with the chosen drives' masses; options as of
-            `inverse_dynamics`), `retime`, `stop`, `sweep`, `identify` (measured efforts over those
-            of the scene found; option: `log`, its number) or `accuracy`.
+        result: of `inverse_dynamics` (options: `trajectory`, a name for the title; `joints`, names
+            of those to draw; `ax`, axes of your own, one each), `elasticity` (the tool's places at
+            rest; options: `title`, `rest`), `simulate`, `size` (efforts of the cycle with the
+            chosen drives' masses; options as of `inverse_dynamics`), `retime`, `stop`, `sweep`,
+            `identify` (measured efforts over those of the scene found; option: `log`, its number)
+            or `accuracy`.
         options: see there.
 
     Raises:
         StateError: it is none of these, or has no times.
     """
     figure: Figure = _of(_FIGURES, result, "picture")(result, **options)
-    # a notebook shows it, of which pyplot knows nothing
-    figure._repr_png_ = partial(_png, figure)  # type: ignore[attr-defined]
+    if "ax" not in options:  # a notebook shows it, of which pyplot knows nothing
+        figure._repr_png_ = partial(_png, figure)  # type: ignore[attr-defined]
     return figure
 
 

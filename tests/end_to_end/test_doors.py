@@ -8,6 +8,7 @@ import doors
 import pytest
 
 import pinfric as pf
+from pinfric import errors
 from pinfric.cli import app
 
 #: They compile all they need before they return: `dynamics/forward/test_solver.py`.
@@ -36,10 +37,8 @@ CLASSES = {
     "Duty",
     "CheckReport",
     "RetimeResult",
-    "RetimeError",
     "SweepResult",
-    "PinfricError",
-    "PinfricWarning",
+    *vars(errors),
     "__version__",
 }
 

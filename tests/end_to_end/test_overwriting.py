@@ -37,20 +37,20 @@ FILES = {
 SCENE = {"arm.yaml", "arm.urdf", "part.stl", "efforts.csv"}
 #: The command before its folder or file, what it reads beside the scene, what it may write there.
 FOLDERS = """
-inverse arm.yaml way.yaml  way.yaml  efforts.csv efforts.png measured.png tool.png
+inverse arm.yaml way.yaml  way.yaml  efforts.csv efforts.png tool.pdf
 inverse arm.yaml log.csv --columns columns.yaml  log.csv  efforts.csv summary.json
-simulate arm.yaml  -  motion.csv motion.npz motion.png summary.json
+simulate arm.yaml  -  motion.csv motion.npz motion.png motion.pdf summary.json
 size arm.yaml way.yaml  way.yaml  sizing.json report.html sized.urdf motors.yaml
 size arm.yaml way.yaml --catalog catalog.yaml  catalog.yaml way.yaml  bom.csv
 size arm.yaml --cycle way.yaml:1 --cycle log.csv:2  log.csv way.yaml  bom.csv
-stop arm.yaml way.yaml  way.yaml  report.html stop.png summary.json
-retime arm.yaml way.yaml  way.yaml  trajectory.csv retime.png summary.json
+stop arm.yaml way.yaml  way.yaml  report.html stop.png stop.pdf summary.json
+retime arm.yaml way.yaml  way.yaml  trajectory.csv retime.png retime.pdf summary.json
 retime arm.yaml log.csv --motors motors.yaml  log.csv motors.yaml  trajectory.csv
-sweep arm.yaml way.yaml sweep.yaml  sweep.yaml way.yaml  sweep.png summary.json
+sweep arm.yaml way.yaml sweep.yaml  sweep.yaml way.yaml  sweep.png sweep.pdf summary.json
 identify arm.yaml log.csv --columns columns.yaml  columns.yaml log.csv  scene.yaml posterior.csv
 identify arm.yaml log.csv  log.csv  sweep.yaml report.html advice.waypoints.yaml robot.urdf
 identify arm.yaml log.csv --held-out way.yaml  log.csv way.yaml  summary.json
-accuracy arm.yaml  -  accuracy.png accuracy.csv summary.json
+accuracy arm.yaml  -  accuracy.png accuracy.pdf accuracy.csv summary.json
 export arm.yaml --to cpp  -  pinfric_arm.hpp pinfric_arm_test.cpp
 export arm.yaml --to mjcf  -  arm.mjcf.xml
 """
@@ -214,7 +214,7 @@ def test_a_full_disk_a_pipe_links_and_odd_names(whole, capfd):
     out = ("--out", "out\udcff")  # of no UTF-8, as a shell hands it on
     assert run("inverse", "linked.yaml", "pipe.yaml", *out) == 0
     writer.join(9)
-    assert results_in(out[1]) == ["efforts.csv", "efforts.png", "summary.json"]
+    assert results_in(out[1]) == ["efforts.csv", "efforts.pdf", "efforts.png", "summary.json"]
     os.mkfifo("pipe.csv")
     capfd.readouterr()
     assert "pipe.csv: is a pipe" in refused(capfd, "inverse", "arm.yaml", "pipe.csv")

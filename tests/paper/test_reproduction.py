@@ -50,7 +50,9 @@ def test_the_readings_are_stated_and_the_figures_drawn(printed):
     answer, folder = printed
     assert len(answer["readings"]) == 4
     names = set(results_in(folder))
-    assert names == {f"figure_{n}.png" for n in (5, 6, 8, 9, 10)} | {"summary.json"}
+    assert names == {f"figure_{n}.{kind}" for n in (5, 6, 8, 9, 10) for kind in ("png", "pdf")} | {
+        "summary.json"
+    }
 
 
 @pytest.mark.slow

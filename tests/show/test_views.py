@@ -152,7 +152,7 @@ def test_summary_of_a_sweep_has_its_percentiles():
 
 def test_plot_is_a_matplotlib_figure(panda):
     scene, motion, result = panda
-    figure = result.plot(trajectory="pick.csv", drives=["panda_joint2", "panda_joint4"])
+    figure = result.plot(trajectory="pick.csv", joints=["panda_joint2", "panda_joint4"])
     assert isinstance(figure, Figure)
     assert any("pick.csv" in text.get_text() for text in figure.texts)
     for other in (pf.size(scene, motion), pf.simulate(scene=pf.load_scene("pendulum"))):
@@ -162,6 +162,21 @@ def test_plot_is_a_matplotlib_figure(panda):
         pf.plot(scene)
     with pytest.raises(StateError, match="a Trajectory has no table"):
         pf.summary(motion)
+
+
+def test_efforts_are_drawn_in_axes_of_the_callers(panda):
+    _, _, result = panda
+    own = Figure()
+    left, right = own.subplots(1, 2)
+    assert result.plot(joints=["panda_joint2", "panda_joint4"], ax=[left, right]) is own
+    assert [axes.get_title("left") for axes in own.axes] == ["panda_joint2", "panda_joint4"]
+    assert {axes.get_ylabel() for axes in own.axes} == {"effort (N m)"}
+    assert left.get_xlabel() == "time (s)"
+    drawn = [line for line in left.lines if line.get_gid() == "sliding"]
+    slides = result.effort_lower[:, 1] == result.effort_upper[:, 1]
+    np.testing.assert_array_equal(drawn[0].get_ydata()[slides], result.effort_upper[slides, 1])
+    with pytest.raises(StateError, match="1 axes for 7 drives; name as many `joints` as axes"):
+        result.plot(ax=left)
 
 
 def test_dataframe_begins_with_the_motion_in_one_number_a_joint():

@@ -419,6 +419,7 @@ def test_the_command_prints_and_writes(files, capsys, monkeypatch):
     assert_printed(__file__, "stop", said)
     assert set(results_in(files / "out")) == {
         "report.html",
+        "stop.pdf",
         "stop.png",
         "summary.json",
     }

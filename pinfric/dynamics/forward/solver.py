@@ -378,6 +378,10 @@ class Solver:
             self._own = _Buffers(self.scene, self._carried)
             self._rehearse()
 
+    def __repr__(self) -> str:
+        carries = f", carries {', '.join(self._carried)}" if self._carried else ""
+        return f"<Solver of {repr(self.scene).partition(chr(10))[0]}{carries}>"
+
     def _rehearse(self) -> None:
         """Compile what the solver's methods call."""
         rehearse(Workspace(self.scene, self._carried))

@@ -94,8 +94,9 @@ _LETTER, _BOLD_LETTER, _WIDTH, _STRIP = 0.068, 0.088, 10.2, 0.3
 def effort_figure(
     result: InverseResult,
     trajectory: str = "",
-    drives: Sequence[str] | None = None,
+    joints: Sequence[str] | None = None,
     log: JudgedLog | None = None,
+    ax: Axes | Sequence[Axes] | None = None,
 ) -> Figure:
     """Draw every drive's effort over time: a line while it slides, a band while it sticks.
 
@@ -106,12 +107,14 @@ def effort_figure(
     Args:
         result: with times.
         trajectory: its name, for the title.
-        drives: names of those to draw; by default all, of more than 30 those with the largest peaks
-            of their unit.
+        joints: names of the drives to draw, those of their joints; by default all, of more than 30
+            those with the largest peaks of their unit.
         log: how the trajectory was read; the uncertainty of efforts is stated below the panels.
+        ax: axes of your own to draw in, one for each of `joints`; the figure returned is theirs.
 
     Raises:
-        StateError: the result has no times, no drives, or no drive of a name.
+        StateError: the result has no times, no drives, or no drive of a name; another number of
+            axes than of drives.
     """
     t, scene, names = result.t, result.scene, result.actuator_names
     if t is None:
@@ -119,13 +122,15 @@ def effort_figure(
     summaries = summarize(result)
     if not summaries:
         raise StateError(f"{scene.source}: has no drives, so there are no efforts to draw")
-    for name in drives or ():
+    for name in joints or ():
         if name not in names:
             raise StateError(f"a figure: there is no drive {name!r}; {choose_from(name, names)}")
     units = [summary.unit for summary in summaries]
     chosen, others = largest([summary.peak for summary in summaries], units, _MOST)
-    if drives is not None:
-        chosen, others = [i for i, name in enumerate(names) if name in drives], ""
+    if joints is not None:
+        chosen, others = [i for i, name in enumerate(names) if name in joints], ""
+    if ax is not None:
+        return _draw_in(ax, result, chosen, summaries)
     count = len(chosen)
     columns = 1 if count <= 8 else 2 if count <= 16 else 3
     rows = -(-count // columns)
@@ -157,11 +162,34 @@ def effort_figure(
             if place == count - 1 or (place + 1) % rows == 0:  # the lowest of its column
                 axes.set_xlabel("time (s)")
                 axes.tick_params(labelbottom=True)
+        figure.align_ylabels(panels[:count])
         shown = " and ".join(dict.fromkeys(units[i] for i in chosen))
         known = "; ".join(["", *log_lines(log, {s.name: s.unit for s in summaries})])
         carries = f"; carries {', '.join(always)} all the way" if always else ""
         text = f"effort of each drive at its joint, in {shown}{carries}{others}{note}{known}"
         key_below(figure, title=text, alignment="left")
+    return figure
+
+
+def _draw_in(
+    ax: Axes | Sequence[Axes],
+    result: InverseResult,
+    chosen: Sequence[int],
+    summaries: Sequence[ActuatorSummary],
+) -> Figure:
+    """Draw drives in axes of the caller's; return the figure of these."""
+    given = [*np.atleast_1d(np.asarray(ax, dtype=object)).ravel()]
+    if len(given) != len(chosen):
+        raise StateError(
+            f"a figure: {len(given)} axes for {len(chosen)} drives; name as many `joints` as axes"
+        )
+    zero = rounding(result)
+    with style():
+        for axes, i in zip(given, chosen, strict=True):
+            _draw_panel(axes, result, i, zero)
+            _label(axes, result.actuator_names[i], summaries[i], _WIDTH, zero)
+            axes.set_xlabel("time (s)")
+    figure: Figure = given[0].get_figure()
     return figure
 
 
@@ -317,6 +345,7 @@ def _label(axes: Axes, name: str, summary: ActuatorSummary, width: float, zero: 
             break
     axes.set_title(name, fontweight="bold", color=INK)
     axes.set_title(f"{figures}  {summary.unit}", loc="right", fontsize=8, color=QUIET)
+    axes.set_ylabel(f"effort ({summary.unit})")
 
 
 def _draw_phases(axes: Axes, phases: dict[str, list[tuple[float, float]]], t: np.ndarray) -> None:

@@ -8,6 +8,7 @@ import sys
 import tempfile
 from pathlib import Path
 
+from pinfric.dynamics.inverse.inverse import inverse_dynamics
 from pinfric.dynamics.inverse.result import InverseResult, StickInterval
 from pinfric.dynamics.simulation.motion import Motion
 from pinfric.errors import StateError
@@ -15,6 +16,7 @@ from pinfric.model.described import described, quantity
 from pinfric.model.files import write_file
 from pinfric.model.scene import Scene, expect_scene
 from pinfric.motions.log.judged import JudgedLog
+from pinfric.motions.trajectory import Trajectory
 from pinfric.retiming.limits import LimitsLike
 from pinfric.show.replay.page import replay_html
 from pinfric.show.timeline.frames import RATE, make_frames
@@ -61,7 +63,7 @@ class Replay:
 
 def replay(
     scene: Scene,
-    motion: InverseResult | Motion,
+    motion: InverseResult | Motion | Trajectory,
     html: str | Path | None = None,
     open_browser: bool = False,
     *,
@@ -78,7 +80,8 @@ def replay(
 
     Args:
         scene: the robot the motion is of.
-        motion: a result of `inverse_dynamics` with times, or a simulated motion.
+        motion: a result of `inverse_dynamics` with times, a simulated motion, or a trajectory,
+            whose inverse dynamics is computed.
         html: file to write; None writes none, unless a browser needs one.
         open_browser: show it at once; without a display `html` of the result says where it is.
         title: heading; None takes the scene's name.
@@ -92,10 +95,12 @@ def replay(
         PinfricError: the file cannot be written.
     """
     expect_scene(scene, "replay")
+    if isinstance(motion, Trajectory):
+        motion = inverse_dynamics(scene, motion)
     if not isinstance(motion, InverseResult | Motion):
         raise StateError(
-            f"replay: the motion is a {type(motion).__name__}; give a result of "
-            "pf.inverse_dynamics(scene, trajectory), or of pf.simulate"
+            f"replay: the motion is a {type(motion).__name__}; give a trajectory, or a result of "
+            "pf.inverse_dynamics or pf.simulate"
         )
     check_same_scene(scene, motion)
     drive_limits = None

@@ -181,6 +181,14 @@ def test_forward_is_that_of_one_instant(scene, q, v, a):
     assert solved > len(q) // 2
 
 
+def test_a_solver_says_of_which_scene_and_payload_it_is():
+    scene = pf.load_scene("panda_pick_and_place")
+    shown = repr(pf.Solver(scene, next(iter(scene.payloads))))
+    assert shown.startswith("<Solver of Scene panda_pick_and_place.yaml: 7 joints")
+    assert "\n" not in shown
+    assert shown.endswith(f", carries {next(iter(scene.payloads))}>")
+
+
 def test_the_plan_of_a_robot_with_leg_drives_only_is_kept(monkeypatch):
     """Its base falls freely; the first call makes the plan by hundreds of `pin.rnea`."""
     legs = random_tree(3, 4, sliding=0.0)

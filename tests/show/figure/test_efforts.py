@@ -159,9 +159,9 @@ def test_of_more_than_30_drives_those_with_the_largest_efforts_are_drawn():
     peaks = sorted(summary.peak for summary in summarize(many))
     line = f"10 more, not drawn, need at most {digits(peaks[9])} N m"
     assert line in figure_text(figure)
-    assert len(panels(effort_figure(many, drives=[many.actuator_names[7]]))) == 1
+    assert len(panels(effort_figure(many, joints=[many.actuator_names[7]]))) == 1
     with pytest.raises(PinfricError, match="there is no drive 'elbow'"):
-        effort_figure(many, drives=["elbow"])
+        effort_figure(many, joints=["elbow"])
 
 
 def test_ticks_take_little_room():

@@ -45,6 +45,15 @@ def test_notebook_shows_the_page_in_a_frame(three_link):
     assert '"' not in inside.split('srcdoc="')[1].split('" style=')[0]
 
 
+def test_a_trajectory_is_replayed_as_its_inverse_dynamics():
+    scene = pf.load_scene("pendulum")
+    trajectory = pf.load_trajectory("pendulum", scene)
+    result = pf.inverse_dynamics(scene, trajectory)
+    shown = pf.replay(scene, trajectory)
+    assert in_json(shown) == in_json(pf.replay(scene, result))
+    assert len(shown.stick_intervals) == 3
+
+
 def test_json_is_what_the_command_prints(three_link, tmp_path):
     shown = pf.replay(*three_link, html=tmp_path / "out.html")
     printed = json.loads(json.dumps(in_json(shown)))

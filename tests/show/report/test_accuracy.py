@@ -54,6 +54,7 @@ def test_out_has_picture_csv_and_summary(tmp_path, capsys):
     folder = tmp_path / "results" / "a"
     assert results_in(folder) == [
         "accuracy.csv",
+        "accuracy.pdf",
         "accuracy.png",
         "summary.json",
     ]

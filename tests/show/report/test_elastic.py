@@ -63,6 +63,7 @@ def test_rigid_scenes_print_and_write_what_they_did(tmp_path, capsys, monkeypatc
     assert content["elasticity"] is None
     assert results_in(tmp_path) == [
         "efforts.csv",
+        "efforts.pdf",
         "efforts.png",
         "summary.json",
     ]

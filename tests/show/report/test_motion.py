@@ -33,6 +33,7 @@ def test_files_and_table(capsys, tmp_path, monkeypatch):
     assert set(results_in(tmp_path / "out")) == {
         "motion.csv",
         "motion.npz",
+        "motion.pdf",
         "motion.png",
         "summary.json",
     }

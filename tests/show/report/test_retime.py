@@ -19,6 +19,7 @@ def test_retime_prints_writes_and_its_trajectory_is_one_for_all(files, capsys):
     assert_printed(__file__, "retime", out)
     assert set(results_in("out")) == {
         "trajectory.csv",
+        "retime.pdf",
         "retime.png",
         "summary.json",
     }
