@@ -23,6 +23,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from importlib import import_module
 from typing import Any, NamedTuple
+from weakref import WeakKeyDictionary, ref
 
 import numpy as np
 import pinocchio as pin
@@ -45,6 +46,14 @@ _HELD = 1e9
 _SOLIMP = (0.9999, 0.9999, 0.001, 0.5, 2.0)
 #: Flags of MuJoCo without which there is no friction, or no damping.
 _FLAGS = ("FRICTIONLOSS", "CONSTRAINT", "DAMPER")
+#: What is written to a model at first.
+_WRITTEN = (
+    "dof_armature",
+    "dof_damping",
+    "dof_frictionloss",
+    "dof_solref",
+    "dof_solimp",
+)
 #: Relative difference of reactions, and absolute one of poses (m, rad), that counts as the same.
 _SAME_WRENCH, _SAME_POSE = 1e-6, 1e-7
 
@@ -56,7 +65,8 @@ class MujocoFriction:
 
     Attributes:
         scenes: prefix of their joints -> scene.
-        model: its `dof_frictionloss` changes at every step; one per thread.
+        model: its `dof_frictionloss` changes at every step; one per thread. Several MjData of it
+            may be stepped in turn.
         dofs: (na,) MuJoCo's degree of freedom of each drive.
     """
 
@@ -71,10 +81,20 @@ class MujocoFriction:
         self._timestep = float(model.opt.timestep)
         self._callback: Callback | None = None
         self._calls = False  # whether it is installed
-        for robot in self._robots:
-            robot.write_constants(mujoco)
-        with compiling():
-            self.start(mujoco.MjData(model))
+        #: Of each MjData that was begun; of the present one it stands in the model and the robots.
+        self._kept: WeakKeyDictionary[Any, np.ndarray] = WeakKeyDictionary()
+        self._present: Any = lambda: None
+        before = [getattr(model, name).copy() for name in _WRITTEN]
+        try:
+            for robot in self._robots:
+                robot.write_constants(mujoco)
+            with compiling():
+                self.start(mujoco.MjData(model))
+        except PinfricError:
+            for name, values in zip(_WRITTEN, before, strict=True):
+                getattr(model, name)[:] = values
+            mujoco.mj_setConst(model, mujoco.MjData(model))
+            raise
 
     def start(self, data: Any) -> None:
         """Set the limits for the state in `data`: joints at or below their stick velocity rest.
@@ -83,8 +103,11 @@ class MujocoFriction:
             data: MjData of the model, with its `qpos`, `qvel` and `ctrl`.
 
         Raises:
-            PinfricError: a gear jams; a step too long for what builds up.
+            PinfricError: a gear jams; a step too long for what builds up; a state that is not
+                finite; a MjData of another model.
         """
+        self._check(data)
+        self._leave()
         limits = []
         for robot in self._robots:
             robot.write(np.where(robot.resting(data), _HELD, _LEAST))
@@ -97,16 +120,89 @@ class MujocoFriction:
         for robot, robot_limits in zip(self._robots, limits, strict=True):
             robot.write(robot_limits)
             robot.begin_to_build_up(data, robot_limits)
+        self._present = ref(data)
+        self._kept[data] = self._now()
+
+    def save(self, data: Any) -> np.ndarray:
+        """Return (3, na) what friction remembers of `data` from one step to the next.
+
+        Limits (N m or N), shares that have built up, and their forces; `restore` goes on with it.
+        """
+        return self._now() if self._present() is data else self._of(data).copy()
+
+    def restore(self, data: Any, saved: np.ndarray) -> None:
+        """Let `step` go on in `data`, whose state was restored, with what `save` returned.
+
+        Raises:
+            PinfricError: another shape, or a state that is not finite.
+        """
+        kept = np.array(saved, dtype=float)
+        if kept.shape != (3, len(self.dofs)) or not np.isfinite(kept).all():
+            raise PinfricError(
+                f"mujoco_friction: restore: saved has the shape {kept.shape}, or is not finite; "
+                f"give the (3, {len(self.dofs)}) that `save` returned"
+            )
+        self._check(data)
+        if self._present() is data:
+            self._present = lambda: None
+        self._kept[data] = kept
+
+    def _check(self, data: Any) -> None:
+        model = self.model
+        if (data.qpos.size, data.qvel.size) != (model.nq, model.nv):
+            raise PinfricError("mujoco_friction: this MjData is of another model than `model`")
+        if not (np.isfinite(data.qpos).all() and np.isfinite(data.qvel).all()):
+            raise PinfricError(
+                f"mujoco_friction: at t = {data.time:.4g} s positions or velocities are not "
+                "finite; MuJoCo would begin anew: reset the data and call `start`"
+            )
+
+    def _now(self) -> np.ndarray:
+        """What stands in the model and the robots, as `save`."""
+        robots = self._robots
+        shares, forces = ([getattr(r, name) for r in robots] for name in ("share", "built_up"))
+        limits = self.model.dof_frictionloss[self.dofs]
+        return np.array([limits, np.concatenate(shares), np.concatenate(forces)])
+
+    def _leave(self) -> None:
+        """Keep what stands in the model for the present data."""
+        if (data := self._present()) is not None:
+            self._kept[data] = self._now()
+        self._present = lambda: None
+
+    def _of(self, data: Any) -> np.ndarray:
+        if data not in self._kept:
+            raise PinfricError(
+                "mujoco_friction: this MjData was not begun: call `start` for each (or `restore`, "
+                "with what `save` returned)"
+            )
+        return self._kept[data]
+
+    def _enter(self, data: Any) -> None:
+        """Let the model and the robots be those of the data."""
+        if self._present() is data:
+            return
+        kept = self._of(data)
+        self._leave()
+        first = 0
+        for robot in self._robots:
+            last = first + len(robot.dofs)
+            robot.resume(data, *kept[:, first:last])
+            first = last
+        self._present = ref(data)
 
     def step(self, data: Any) -> None:
         """Advance by one time step, then set the limits of the next: `mj_step` with friction.
+
+        Several MjData may be stepped in turn: friction remembers its limits for each.
 
         Args:
             data: MjData of the model, after `start`.
 
         Raises:
-            PinfricError: a gear jams; the time step, the integrator or a flag was changed; a step
-                too long for what builds up.
+            PinfricError: a gear jams; the time step, the integrator, a flag, armature or damping
+                was changed; a step too long for what builds up; data that were not begun; a state
+                that is not finite.
         """
         mujoco, model = self._mujoco, self.model
         if model.opt.timestep != self._timestep:
@@ -115,6 +211,10 @@ class MujocoFriction:
                 f"{self._timestep:g} s: make the friction anew for another one"
             )
         _check_options(mujoco, model)
+        self._check(data)
+        for robot in self._robots:
+            robot.check_constants()
+        self._enter(data)
         before = data.qvel.copy()
         for robot in self._robots:
             data.qfrc_applied[robot.dofs] += robot.built_up
@@ -165,23 +265,22 @@ class MujocoFriction:
 
     def sticking(self, data: Any) -> np.ndarray:
         """Return (na,) bool, whether each joint stuck in the last step, or had not slipped."""
-        return np.concatenate(
-            [
-                np.where(robot.builds, np.abs(robot.share) < 1.0, _sticking(*robot.last(data)))
-                for robot in self._robots
-            ]
+        sticks = np.concatenate([_sticking(*robot.last(data)) for robot in self._robots])
+        builds = np.concatenate([robot.builds for robot in self._robots])
+        return (
+            np.where(builds, np.abs(self.save(data)[1]) < 1.0, sticks) if builds.any() else sticks
         )
 
     @property
     def share(self) -> np.ndarray:
-        """(na,) share z of friction that has built up, 0 where it acts at once; to save it."""
+        """(na,) share z of friction that has built up in the last step; 0 where it acts at once."""
         return np.concatenate([robot.share for robot in self._robots])
 
     def limit(self, data: Any) -> np.ndarray:
         """Return (na,) the friction limits of the next step (N m or N)."""
         if self._calls:
             return np.concatenate([robot.next(data) for robot in self._robots])
-        return np.array(self.model.dof_frictionloss[self.dofs])
+        return self.save(data)[0]
 
     def normal_load(self, data: Any) -> np.ndarray:
         """Return (ns,) the normal loads of the joints with friction (N m or N)."""
@@ -280,6 +379,10 @@ class _Robot:
         model.dof_solref[self._written] = 2.0 * float(model.opt.timestep), 1.0
         model.dof_solimp[self._written] = _SOLIMP
         model.dof_frictionloss[self._written] = _LEAST
+        self._constants = {
+            name: getattr(model, name)[self._written].copy()
+            for name in ("dof_armature", "dof_damping")
+        }
         dofs = [one.dof for one in self.led]
         model.dof_frictionloss[dofs] = model.dof_damping[dofs] = 0.0
         model.dof_armature[dofs] = [one.armature for one in self.led]
@@ -301,6 +404,26 @@ class _Robot:
         )
         own = self._joint, self.row, self._armature, self._share, self.counts
         return (*own, *followers)
+
+    def check_constants(self) -> None:
+        """Refuse a model whose armature or damping is no longer what friction wrote."""
+        for name, wanted in self._constants.items():
+            found = getattr(self.model, name)[self._written]
+            if (found != wanted).any():
+                d = int(np.argmax(found != wanted))
+                raise PinfricError(
+                    f"mujoco_friction: {name} of joint {list(self.names().values())[d]!r} is "
+                    f"{found[d]:g} and was {wanted[d]:g}: friction and rotors are the scene's; "
+                    "change them there and make the friction anew"
+                )
+
+    def resume(
+        self, data: Any, limits: np.ndarray, share: np.ndarray, built_up: np.ndarray
+    ) -> None:
+        """Go on in data with what was kept (na,) of them."""
+        self.write(limits)
+        self.share, self.built_up = share.copy(), built_up.copy()
+        self._at = data.qpos[self._qpos].copy()
 
     def write(self, limits: np.ndarray) -> None:
         """Set the limits (na,) of the joints that count; what builds up is a force, see `step`."""

@@ -642,17 +642,60 @@ def test_a_motion_goes_on_from_what_was_saved_and_begins_anew_after_a_reset():
         friction.start(data)
         go(data, 0, 100)
         mujoco.mj_getState(model, data, state, kind)
-        limits = friction.limit(data)
+        saved_limits = friction.save(data)
         whole.append(go(data, 100, 300))
     assert whole[0] == whole[1]
     for saved in (True, False):
         again = mujoco.MjData(model)
         mujoco.mj_setState(model, again, state, kind)
         if saved:
-            model.dof_frictionloss[friction.dofs] = limits
+            friction.restore(again, saved_limits)
         else:
             friction.start(again)
         assert go(again, 100, 300) == (whole[0] if saved else pytest.approx(whole[0], abs=1e-4))
+
+
+def test_data_stepped_in_turn_are_as_alone():
+    """Bit by bit; what was not begun, or is not finite, is refused, and nothing is changed."""
+    friction = pf.mujoco_friction(arm(), model_of(arm()))
+    model, ends = friction.model, []
+
+    def new(k):
+        data = mujoco.MjData(model)
+        data.qpos[:] = np.array([0.0, -1.2, 1.0, -1.3, -1.57, 0.0]) - 0.3 * k
+        data.qvel[:] = 0.4 * k
+        friction.start(data)
+        return data
+
+    for k in range(3):
+        data = new(k)
+        for _ in range(200):
+            friction.step(data)
+        ends.append((data.qpos.copy(), friction.limit(data), friction.sticking(data)))
+    several = [new(k) for k in range(3)]
+    for _ in range(200):
+        for data in several:
+            friction.step(data)
+    for data, (qpos, limit, stuck) in zip(several, ends, strict=True):
+        np.testing.assert_array_equal(data.qpos, qpos)
+        np.testing.assert_array_equal(friction.limit(data), limit)
+        np.testing.assert_array_equal(friction.sticking(data), stuck)
+    strange, limits = mujoco.MjData(model), model.dof_frictionloss.copy()
+    with pytest.raises(PinfricError, match="this MjData was not begun: call `start`"):
+        friction.step(strange)
+    strange.qvel[2] = np.nan
+    for call in (friction.start, friction.step):
+        with pytest.raises(PinfricError, match="positions or velocities are not finite"):
+            call(strange)
+    other = mujoco.MjData(mujoco.MjModel.from_xml_string("<mujoco/>"))
+    with pytest.raises(PinfricError, match="of another model"):
+        friction.start(other)
+    with pytest.raises(PinfricError, match=r"restore: saved has the shape \(2,\)"):
+        friction.restore(several[0], [1.0, 2.0])
+    np.testing.assert_array_equal(model.dof_frictionloss, limits)
+    model.dof_damping[1] += 1.0
+    with pytest.raises(PinfricError, match="dof_damping of joint 'shoulder_lift_joint' is"):
+        friction.step(several[0])
 
 
 MENAGERIE = """<mujoco><option integrator="implicitfast" timestep="0.001"/><default><default

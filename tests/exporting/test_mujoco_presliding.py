@@ -70,8 +70,13 @@ def test_a_hold_yields_and_does_not_creep():
 
 
 def test_a_step_too_long_and_the_callback_are_refused():
+    model = mujoco.MjModel.from_xml_string(pf.export(pendulum(1e-6)).text)
+    names = ("dof_armature", "dof_damping", "dof_frictionloss", "dof_solref", "dof_invweight0")
+    before = [getattr(model, name).copy() for name in names]
     with pytest.raises(PinfricError, match=r"a time step of 0.001 s is too long .* below"):
-        simulated(pendulum(1e-6), lambda t: 0.0, 0.01, dt=1e-3)
+        pf.mujoco_friction(pendulum(1e-6), model)
+    for name, values in zip(names, before, strict=True):  # it is as it was
+        np.testing.assert_array_equal(getattr(model, name), values)
     scene = pendulum()
     friction = pf.mujoco_friction(scene, mujoco.MjSpec.from_string(pf.export(scene).text))
     with (
