@@ -303,9 +303,17 @@ def _find_ways(estimate: Estimate) -> None:
         for j in range(scene.model.nv)
     ]
     offered = np.array(strokes) >= FEWEST
-    if not offered.any():
-        return
-    build = find_ways(estimate.prepared, urdf_prior(scene.model, kept=False), offered)
+    build = None
+    if offered.any():
+        build = find_ways(estimate.prepared, urdf_prior(scene.model, kept=False), offered)
+    few = {
+        j: f"reverses {count} time{'s' * (count != 1)}, and {FEWEST} are needed"
+        for j, count in enumerate(strokes)
+        if 0 < count < FEWEST
+    }
+    if few:
+        build = build or Build((None,) * scene.model.nv, 0.0, np.inf, {})
+        build = build._replace(refused=build.refused | few)
     estimate.build = build
     if build is not None and estimate.builds_up:
         estimate.prepared = tuple(with_ways(log, build.ways) for log in estimate.prepared)

@@ -44,7 +44,7 @@ def unseen_errors(estimate: Estimate, scene: Scene, recording: Recording) -> dic
     """Return each joint's errors in a log that was held out as a whole."""
     question, thin = estimate.question, thinning([recording])
     log = prepare(question.scene, recording, thin, question.no_gravity)
-    if estimate.build is not None:
+    if estimate.build is not None and estimate.builds_up:
         log = with_ways(log, estimate.build.ways)
     log = reloaded(estimate, log)
     log = settled(log) if any(estimate.delay.builds_up) else log

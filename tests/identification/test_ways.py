@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from identify_cases import NAMES, PLAIN, guess
+from identify_cases import NAMES, PLAIN, Motion, guess, logged, motor_effort, truth
 from identify_wrong_models import WAY, wrong_log
 
 import pinfric as pf
@@ -52,6 +52,19 @@ def test_where_friction_jumps_no_way_is_found(found):
 def test_what_only_looks_like_a_way_is_none(case):
     found = pf.identify(guess(31), wrong_log(case, 31, 40.0, 125.0), laws=PLAIN)
     assert not found.estimate.builds_up
+
+
+def test_joints_that_reverse_three_times_are_not_asked_and_it_says_so():
+    t, rate = np.arange(0.0, 20.0, 0.01), 0.16 * np.pi
+    phase = rate * (t[:, None] - np.array([2.0, 2.7, 3.4, 4.1, 4.8, 5.5]))
+    middle = np.array([0.0, -1.2, 1.2, -0.5, 0.5, 0.0])
+    motion = Motion(t, middle + np.cos(phase), -rate * np.sin(phase), -(rate**2) * np.cos(phase))
+    found = pf.identify(guess(3), logged(3, motion, motor_effort(truth(), motion)), laws=PLAIN)
+    assert not found.estimate.builds_up
+    (said,) = (note for note in found.notes if "is not determined" in note and "a way" in note)
+    assert said.startswith("a way over which friction builds up is not determined: shoulder_pan")
+    assert said.count("reverses 3 times, and 6 are needed") == len(NAMES)
+    assert "\n" not in said
 
 
 def test_a_way_that_no_log_can_tell_is_refused():
