@@ -134,13 +134,22 @@ class MujocoFriction:
         """Let `step` go on in `data`, whose state was restored, with what `save` returned.
 
         Raises:
-            PinfricError: another shape, or a state that is not finite.
+            PinfricError: another shape, a share of friction that this robot cannot have, or a state
+                that is not finite.
         """
         kept = np.array(saved, dtype=float)
         if kept.shape != (3, len(self.dofs)) or not np.isfinite(kept).all():
             raise PinfricError(
                 f"mujoco_friction: restore: saved has the shape {kept.shape}, or is not finite; "
                 f"give the (3, {len(self.dofs)}) that `save` returned"
+            )
+        most = np.concatenate([robot.builds for robot in self._robots]).astype(float)
+        if (bad := np.abs(kept[1]) > most).any():
+            d = int(np.argmax(bad))
+            allowed = "-1 to 1" if most[d] else "0, because friction acts at once there"
+            raise PinfricError(
+                f"mujoco_friction: restore: share {kept[1, d]:g} of drive {d}; allowed is "
+                f"{allowed}: is it of another robot?"
             )
         self._check(data)
         if self._present() is data:

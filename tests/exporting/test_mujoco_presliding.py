@@ -6,6 +6,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from builders import chain, lump
+from numpy.testing import assert_array_equal
 
 import pinfric as pf
 from pinfric.errors import PinfricError
@@ -59,6 +60,32 @@ def test_the_bridge_follows_the_law():
     assert angles[-1] == pytest.approx(q, abs=3e-3)
     assert shares[-1] == pytest.approx(z, abs=0.05)
     assert np.ptp(angles) > 0.2
+
+
+def test_it_goes_on_from_what_was_saved_and_not_from_another_robots():
+    """The same positions to the bit; a share above 1 is refused."""
+    scene = pendulum()
+    model = mujoco.MjModel.from_xml_string(pf.export(scene).text)
+    model.opt.timestep = 2.5e-4
+    friction, data = pf.mujoco_friction(scene, model), mujoco.MjData(model)
+    data.qpos[:] = 0.3
+    friction.start(data)
+    for _ in range(37):
+        data.ctrl[:] = 15.0
+        friction.step(data)
+    kept, again = friction.save(data), mujoco.MjData(model)
+    assert 0.05 < abs(kept[1, 0]) < 1.0
+    state = np.empty(mujoco.mj_stateSize(model, mujoco.mjtState.mjSTATE_INTEGRATION))
+    mujoco.mj_getState(model, data, state, mujoco.mjtState.mjSTATE_INTEGRATION)
+    mujoco.mj_setState(model, again, state, mujoco.mjtState.mjSTATE_INTEGRATION)
+    friction.restore(again, kept)
+    for _ in range(50):
+        friction.step(data)
+        friction.step(again)
+    assert_array_equal(again.qpos, data.qpos)
+    kept[1, 0] = 1.5
+    with pytest.raises(PinfricError, match=r"share 1.5 of drive 0; allowed is -1 to 1: is it of"):
+        friction.restore(again, kept)
 
 
 def test_a_hold_yields_and_does_not_creep():
