@@ -134,7 +134,7 @@ pf.retime(pendulum, motion, 3)  should be a motors file, 'default:NAME' or drive
 pf.size(pendulum, 'pendulum')  give pf.load_trajectory('pendulum', scene)
 pf.size(pendulum, motion, 'maxon')  there are: default, a YAML file, or a folder
 pf.sweep(pendulum, motion, {'samples': 3})  is missing; e.g. pinfric_sweep: 1
-pf.replay(pendulum, 'pendulum')  give a result of pf.inverse_dynamics(scene, trajectory)
+pf.replay(pendulum, 'pendulum')  give a trajectory, or a result of pf.inverse_dynamics
 ur10.solver(states[0])  states are arguments of the solver's methods, `scene.solver().
 ur10.solver().inverse(states, states, states)  q: shape (5, 6); should be (6,), nq = 6
 ur10.solver().forward(states[0], states[0], {'elbow': 1.0})  did you mean 'elbow_joint'?
