@@ -30,7 +30,7 @@ from numba.core.runtime import rtsys
 from numba.core.sigutils import normalize_signature
 
 from pinfric.errors import PinfricError, PinfricWarning
-from pinfric.kernels import late, records
+from pinfric.kernels import lanes, late, records
 from pinfric.kernels.dispatch import compiled_for, load, template
 from pinfric.kernels.interpreted import CLOCK, interpreted, is_small
 from pinfric.kernels.late import called_late, make_late, slot
@@ -48,6 +48,7 @@ _MADE_BY = (
     np.__version__,
     content(records.__file__),
     content(late.__file__),
+    content(lanes.__file__),
 )
 #: So many versions of a kernel's sources keep what was compiled from them.
 _KEPT = 8

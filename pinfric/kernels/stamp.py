@@ -19,6 +19,8 @@ from typing import Any
 import numpy as np
 from numba.core.dispatcher import Dispatcher
 
+from pinfric.kernels.lanes import OnLanes
+
 #: Bytes of a digest.
 SIZE = 16
 #: What numba compiles by itself; its version is in the key of every kernel.
@@ -76,11 +78,27 @@ def _code(
             yield name, _value(names[name], names, callees)
 
 
+def _run_by(called: OnLanes) -> list[FunctionType]:
+    """Return the functions that the compiler runs where a kernel calls a function on lanes."""
+    queue: list[Any] = [called.function]
+    for each in queue:  # grows while it is walked
+        codes = [each.__code__]
+        for code in codes:  # with those of its comprehensions
+            codes += (inner for inner in code.co_consts if isinstance(inner, CodeType))
+            for name in code.co_names:
+                used = each.__globals__.get(name)
+                if isinstance(used, FunctionType) and used not in queue:
+                    queue.append(used)
+    return queue
+
+
 def _value(value: Any, names: Mapping[str, Any], callees: list[Any]) -> Any:
     """What a name stands for; of an unknown kind of thing, the files that may define it."""
     if isinstance(value, Dispatcher):
         callees.append(value)
         return value.py_func.__module__, value.py_func.__qualname__
+    if isinstance(value, OnLanes):
+        return [_own(function)[0] for function in _run_by(value)]
     if isinstance(value, int | float | complex | str | bytes | None):
         return type(value).__name__, repr(value)
     if isinstance(value, np.ndarray | np.generic):

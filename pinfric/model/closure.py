@@ -85,14 +85,8 @@ def loop_state(
     twin: Twin, linkage: Linkage, q: np.ndarray, v: np.ndarray, a: np.ndarray
 ) -> LoopState:
     """Return how pairs relate at q (n, nq) with v and a (n, nv)."""
-    return embedded_state(twin, linkage, *embedded(twin, q, v, a))
-
-
-def embedded_state(
-    twin: Twin, linkage: Linkage, q_twin: np.ndarray, v_twin: np.ndarray, a_twin: np.ndarray
-) -> LoopState:
-    """Return `loop_state` from the twin's states, see `embedded`."""
-    n, nj, (parents, *placement) = len(q_twin), twin.n_joints, tree_tables(twin)
+    q_twin, v_twin, a_twin = embedded(twin, q, v, a)
+    n, nj, (parents, *placement) = len(q), twin.n_joints, tree_tables(twin)
     p, R = np.empty((n, nj, 3)), np.empty((n, nj, 3, 3))
     velocity, acceleration = np.zeros((n, nj, 6)), np.zeros((n, nj, 6))
     place_links(q_twin, parents, *placement, p, R)

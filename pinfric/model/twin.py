@@ -15,14 +15,9 @@ import numpy as np
 import pinocchio as pin
 
 from pinfric.errors import RobotError
-from pinfric.kernels.arrays import rows_of
 from pinfric.kernels.compiled import kernel
 from pinfric.model.kinematics import rotation
 from pinfric.model.spring_forces import Springs
-
-#: Most joints that are opened: Pinocchio's `Data` holds arrays of nv^3 numbers, 55 MB for 20 opened
-#: joints, 1.5 GB for 60. For larger robots the wrenches are computed joint by joint.
-LARGEST = 20
 
 # How a joint's configuration becomes a placement.
 REVOLUTE, PRISMATIC, CONTINUOUS, PLANAR, SPHERICAL, TRANSLATION, FREE = range(7)
@@ -51,11 +46,10 @@ class Embedding(NamedTuple):
 
 @dataclass(frozen=True)
 class Twin:
-    """The opened model and the tables of the embedding, one row per joint (universe left out).
+    """The robot and the tables of the embedding, one row per joint (universe left out).
 
     Attributes:
         model: the robot itself.
-        opened: the model with all joints free; None for a robot with more joints than `LARGEST`.
         kind: (nj,) how the configuration becomes a placement.
         q_index, v_index: (nj,) where the joint's (for a mimic joint: its leader's) numbers start.
         ratio, shift: (nj,) angle = ratio * leader's angle + shift; 1 and 0 except for mimic joints.
@@ -67,7 +61,6 @@ class Twin:
     """
 
     model: pin.Model
-    opened: pin.Model | None
     kind: np.ndarray
     q_index: np.ndarray
     v_index: np.ndarray
@@ -100,27 +93,11 @@ class Twin:
             self.ratio[joint] * q.take(self.q_index[joint], axis=1) + self.shift[joint]
         )
 
-    def pool(self, threads: int) -> pin.ModelPool:
-        """Return Pinocchio's pool of `threads` copies of the opened model's data."""
-        if threads not in self.pools:
-            self.pools[threads] = pin.ModelPool(self.opened, threads)
-        return self.pools[threads]
-
     def plain_pool(self, threads: int) -> pin.ModelPool:
         """Return the pool of the ordinary model, for efforts without reactions."""
         key = "plain", threads
         if key not in self.pools:
             self.pools[key] = pin.ModelPool(self.model, threads)
-        return self.pools[key]
-
-    def joint_forces(self) -> tuple[pin.Data, np.ndarray | list[np.ndarray]]:
-        """Return this thread's data and a view of its `data.f`, a row (6,) per joint."""
-        key = "forces", threading.get_ident()
-        if key not in self.pools:
-            data = self.model.createData()
-            forces = [data.f[j].vector for j in range(1, self.model.njoints)]
-            view = rows_of(forces)
-            self.pools[key] = data, forces if view is None else view
         return self.pools[key]
 
     def poses(self) -> tuple[pin.Data, list[np.ndarray], list[np.ndarray]]:
@@ -137,7 +114,7 @@ class Twin:
 
 
 def make_twin(model: pin.Model) -> Twin:
-    """Open every joint of `model` and tabulate how its joints embed.
+    """Tabulate how the joints of `model` embed.
 
     Raises:
         RobotError: a joint that no URDF can describe (helical, universal, composite, ...).
@@ -150,7 +127,6 @@ def make_twin(model: pin.Model) -> Twin:
     components = np.array(columns[6], dtype=np.int64).reshape(-1, 6)
     return Twin(
         model,
-        _open(model) if len(rows) <= LARGEST else None,
         kind,
         q_index,
         v_index,
@@ -160,21 +136,6 @@ def make_twin(model: pin.Model) -> Twin:
         components,
         np.array(model.armature, dtype=float),
     )
-
-
-def _open(model: pin.Model) -> pin.Model:
-    """Return the model with a free joint in place of every joint."""
-    opened = pin.Model()
-    opened.gravity = model.gravity
-    for index in range(1, model.njoints):
-        added = opened.addJoint(
-            model.parents[index],
-            pin.JointModelFreeFlyer(),
-            model.jointPlacements[index],
-            model.names[index],
-        )
-        opened.appendBodyToJoint(added, model.inertias[index], pin.SE3.Identity())
-    return opened
 
 
 def _embedding_row(model: pin.Model, index: int) -> tuple[object, ...]:
@@ -251,7 +212,7 @@ def embed(
             k, iq, iv = kind[j], joints.q_index[j], joints.v_index[j]
             p, s = 7 * j, 6 * j
             if k > CONTINUOUS:
-                _embed_many(
+                embed_many(
                     k,
                     q[i, iq:],
                     v[i, iv:],
@@ -283,7 +244,7 @@ def embed(
 
 
 @kernel
-def _embed_many(
+def embed_many(
     kind: int,
     q: np.ndarray,
     v: np.ndarray,

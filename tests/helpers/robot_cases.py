@@ -29,7 +29,7 @@ def scene(tmp_path, text):
 
 
 #: Of the robots of example-robot-data those that differ, for fast tests: an arm, continuous joints,
-#: tilted axes, slides and followers, these and more joints than are opened, followers before their
+#: tilted axes, slides and followers, these and more than 20 joints, followers before their
 #: leaders, implausible bodies, no joint at all, no valid URDF.
 DIFFERENT = {
     "ur5_robot",

@@ -598,11 +598,13 @@ def test_the_type_of_a_record_is_made_once(monkeypatch):
 EDITED = {
     "constants_of_a_test": """
 FACTOR, BESIDE, TABLE = 2.0, 1.0, (1.0, 2.0)
+WEIGHT = 1.0
 """,
     "callees_of_a_test": '''
 from typing import NamedTuple
-from constants_of_a_test import BESIDE, TABLE
+from constants_of_a_test import BESIDE, TABLE, WEIGHT
 from pinfric.kernels.compiled import kernel
+from pinfric.kernels.lanes import on_lanes
 
 class Two(NamedTuple):
     """Built in a kernel."""
@@ -617,9 +619,18 @@ def swapped(x):
 @kernel
 def beside(x):
     return x + BESIDE
+
+def weighted(x):
+    """Run by the compiler."""
+    return [WEIGHT * each for each in (x, x)]
+
+@on_lanes
+def weigh(rows):
+    rows[0] = 0.5 * weighted(rows[0])[0] + 0.5 * rows[0]
 ''',
     "kernels_of_a_test": '''
-from callees_of_a_test import beside, swapped
+import numpy as np
+from callees_of_a_test import beside, swapped, weigh
 from constants_of_a_test import FACTOR, TABLE
 from pinfric.kernels.compiled import kernel
 
@@ -629,7 +640,9 @@ def in_python(x):
 @kernel
 def whole(x):
     """A docstring."""
-    return FACTOR * swapped(x).other + TABLE[0] + LATER
+    rows = np.full((1, 8), x)
+    weigh(rows)
+    return FACTOR * swapped(rows[0, 7]).other + TABLE[0] + LATER
 
 @kernel
 def apart(x):
@@ -649,11 +662,15 @@ LATER = 0.5
         ("kernels", "return beside(x)", "return beside(x) + 1", 7.5, 1),
         ("callees", "One sentence", "Two of them", 7.5, 1),
         ("callees", "x + BESIDE", "x - BESIDE", 7.5, 1),
+        ("callees", "Run by the", "Run by numba's", 7.5, 1),
         ("constants", "BESIDE, TABLE = 2.0, 1.0", "BESIDE, TABLE = 2.0, 3.0", 7.5, 1),
         ("constants", "FACTOR, BESIDE, TABLE = 2.0", "FACTOR, BESIDE, TABLE = 3.0", 10.5, 0),
         ("constants", "(1.0, 2.0)", "(4.0, 2.0)", 10.5, 0),
         ("kernels", "LATER = 0.5", "LATER = 1.5", 8.5, 0),
         ("kernels", "FACTOR * ", "FACTOR + ", 6.5, 0),
+        ("callees", "WEIGHT * each", "WEIGHT + each", 8.5, 0),
+        ("callees", "0.5 * rows", "0.25 * rows", 6.0, 0),
+        ("constants", "WEIGHT = 1.0", "WEIGHT = 2.0", 10.5, 0),
         ("callees", "Two(1.0, x)", "Two(x, 1.0)", 3.5, 0),
         ("callees", "one: float\n    other", "other: float\n    one", 3.5, 0),
     ],

@@ -138,7 +138,7 @@ def count_calls(monkeypatch, solve):
 
     for name in ("reactions", "write_plain_efforts"):
         counted(inverse_tree, name)
-    for name in ("transmitted", "map_friction"):
+    for name in ("reactions", "map_friction"):
         counted(effort_maps, name)
     counted(motor_torques, "write_motor_torques")
     counted(interval_ends, "solve_samples")
@@ -165,8 +165,8 @@ def test_what_is_off_is_not_evaluated(monkeypatch, only, expected):
 @pytest.mark.parametrize(
     ("friction", "expected"),
     [
-        ({}, {"transmitted": 1, "map_friction": 1}),
-        (pin_friction(0.3), {"transmitted": 1, "map_friction": 1, "solve_samples": 1}),
+        ({}, {"reactions": 1, "map_friction": 1}),
+        (pin_friction(0.3), {"reactions": 1, "map_friction": 1, "solve_samples": 1}),
     ],
     ids=["loops alone", "coupled"],
 )

@@ -23,6 +23,9 @@ from pinfric.model.laws import friction_bounds, friction_law, law_table
 from pinfric.model.scene import Scene
 from pinfric.model.twin import project
 
+#: Most joints that are opened: Pinocchio's `Data` holds arrays of nv^3 numbers, 55 MB for 20 opened
+#: joints, 1.5 GB for 60.
+_LARGEST = 20
 #: The parameters of a link in Pinocchio's order: m, m c, inertia about its joint's origin.
 INERTIA = ("m", "mx", "my", "mz", "xx", "xy", "yy", "xz", "yz", "zz")
 #: Last words of the keys that friction is linear in; coefficients of gears.
@@ -136,15 +139,31 @@ def _of_term(scene: Scene, x: Any, v: np.ndarray, name: str) -> tuple[list[str],
     return [f"{scene.sites[s].name}.{name}" for s in own], change
 
 
+def opened(model: pin.Model) -> pin.Model:
+    """Return the wrench twin's model: a free joint in place of every joint."""
+    free = pin.Model()
+    free.gravity = model.gravity
+    for index in range(1, model.njoints):
+        added = free.addJoint(
+            model.parents[index],
+            pin.JointModelFreeFlyer(),
+            model.jointPlacements[index],
+            model.names[index],
+        )
+        free.appendBodyToJoint(added, model.inertias[index], pin.SE3.Identity())
+    return free
+
+
 def _of_inertias(
     derived: Differentiator, q: np.ndarray, v: np.ndarray, a: np.ndarray
 ) -> tuple[list[str], np.ndarray]:
     """By the ten parameters of every link, payloads included."""
     scene, x, twin = derived.scene, derived.tables, derived.pinocchio.twin
-    if twin.opened is None:
+    if twin.n_joints > _LARGEST:
         raise SceneError(f"{scene.source}: parameter_derivatives: too many joints for inertia")
+    model = opened(twin.model)
     free = [array[0] for array in embedded(twin, q[None], v[None], a[None])]
-    W = pin.computeJointTorqueRegressor(twin.opened, twin.opened.createData(), *free)
+    W = pin.computeJointTorqueRegressor(model, model.createData(), *free)
     wrench = np.ascontiguousarray(W.T).reshape(-1, twin.n_joints, 6)
     rigid = np.empty((len(wrench), v.size))
     still = np.zeros_like(rigid)

@@ -24,17 +24,12 @@ from pinfric.dynamics.problem.wrenches import (
     write_contacts,
 )
 from pinfric.dynamics.samples.closure import check_pairs
-from pinfric.dynamics.samples.reactions import (
-    AppliedWrench,
-    Batch,
-    subtract_external_wrenches,
-    transmitted,
-)
+from pinfric.dynamics.samples.reactions import AppliedWrench, part_of, reactions
 from pinfric.dynamics.samples.reversals import reversals
 from pinfric.dynamics.samples.states import States
 from pinfric.friction.dense import affine, solve_balance
 from pinfric.kernels.compiled import KernelArgument, kernel
-from pinfric.model.closure import action_maps, embedded, embedded_state
+from pinfric.model.closure import action_maps, loop_state
 from pinfric.model.couples import drive_rates
 from pinfric.model.loops import Linkage
 from pinfric.model.scene import Scene
@@ -92,13 +87,10 @@ def link_samples(
     assert linkage is not None
     wide, inner = states.around(part), states.inside(part)
     q, v, a = states.q[wide], states.v[wide], states.a[wide]
-    q_twin, v_twin, a_twin = embedded(twin, q, v, a)
-    state = embedded_state(twin, linkage, q_twin, v_twin, a_twin)
+    state = loop_state(twin, linkage, q, v, a)
     check_pairs(linkage, state, wide, part)
     wrench = np.empty((n, twin.n_joints, 6))
-    batch = Batch(q_twin[inner], v_twin[inner], a_twin[inner], wrench)
-    transmitted(twin, q[inner], v[inner], a[inner], batch, threads)
-    subtract_external_wrenches(twin, applied, part, batch)
+    reactions(twin, states.part(part), part_of(applied, part), wrench, threads)
     tau = np.empty((n, twin.nv))
     project(wrench, twin.embedding, twin.armature, a[inner], tau)
     X, J = action_maps(twin, linkage, state.p[inner], state.R[inner])

@@ -19,12 +19,11 @@ from pinfric.dynamics.samples.motor_torques import motor_torques
 from pinfric.dynamics.samples.presliding import BuiltUp, build_up_friction
 from pinfric.dynamics.samples.reactions import (
     AppliedWrench,
-    Batch,
     batch_size,
     check_roll_moments,
     constant_payloads,
+    part_of,
     reactions,
-    subtract_external_wrenches,
 )
 from pinfric.dynamics.samples.reversals import reversals
 from pinfric.dynamics.samples.states import States
@@ -74,13 +73,12 @@ def solve_tree(
     results, wrench = _samples(scene, velocity, reversal, reacting)
     built = built and built.part(whole)
     at_ends = None if built is None else tuple(np.empty((2, *results.effort_lower.shape)))
-    batch = Batch.of(scene.twin(), min(T, batch_size(threads)))
     for part, twin in constant_payloads(scene, states, whole, batch_size(threads)):
         here = slice(part.start - whole.start, part.stop - whole.start)
         samples, a = TreeSamples._make(array[here] for array in results), states.a[part]
         joint_wrench = wrench[here]
         if reacting:
-            joint_wrench = _react(scene, twin, states, applied, part, batch, joint_wrench, threads)
+            joint_wrench = _react(scene, twin, states, applied, part, joint_wrench, threads)
         else:
             write_plain_efforts(
                 twin, states.q[part], states.v[part], a, threads, samples.effort_frictionless
@@ -154,7 +152,6 @@ def _react(
     states: States,
     applied: list[AppliedWrench],
     part: slice,
-    batch: Batch,
     at_sites: np.ndarray,
     threads: int,
 ) -> np.ndarray:
@@ -162,17 +159,16 @@ def _react(
 
     Args:
         scene, states, applied: see `inverse.inverse_dynamics`.
-        twin, part: of this batch. batch: buffers of at least as many samples.
+        twin, part: of this batch.
         at_sites: (n, ns, 6), overwritten.
-        threads: of Pinocchio.
+        threads: of numba.
     """
     all_sites = len(scene.sites) == twin.n_joints  # then no second copy of their wrenches
-    buffers = batch.first(part.stop - part.start, at_sites if all_sites else None)
-    reactions(twin, states.q[part], states.v[part], states.a[part], buffers, threads)
-    subtract_external_wrenches(twin, applied, part, buffers)
+    wrench = at_sites if all_sites else np.empty((part.stop - part.start, twin.n_joints, 6))
+    reactions(twin, states.part(part), part_of(applied, part), wrench, threads)
     if not all_sites:
-        at_sites[:] = buffers.wrench[:, scene.site_tables.joint]
-    return buffers.wrench
+        at_sites[:] = wrench[:, scene.site_tables.joint]
+    return wrench
 
 
 def _bound(

@@ -1,4 +1,4 @@
-"""Joint reactions of many samples, from one RNEA batch on the wrench twin."""
+"""Joint reactions of many samples."""
 
 from __future__ import annotations
 
@@ -9,14 +9,15 @@ import numpy as np
 import pinocchio as pin
 
 from pinfric.dynamics.samples.states import States
-from pinfric.dynamics.samples.threaded import embed_in_parts, team, threads_for
+from pinfric.dynamics.samples.threaded import reactions_in_parts, team, threads_for
 from pinfric.errors import RollMomentError, SceneError, StateError, choose_from
 from pinfric.model.arrays import real_numbers
 from pinfric.model.closure import embedded, tree_tables
 from pinfric.model.kinematics import place_links
 from pinfric.model.magnitudes import LARGEST_OF_A_MOTION, impossible
+from pinfric.model.recursion import links, write_reactions
 from pinfric.model.scene import Scene, expect_scene
-from pinfric.model.twin import Twin, embed, project, transmit
+from pinfric.model.twin import Twin, project, transmit
 
 #: Samples per batch and thread: the twin's arrays of one batch stay in the second-level cache.
 CHUNK = 512
@@ -35,28 +36,6 @@ class AppliedWrench:
 
     joint: int
     wrench: np.ndarray
-
-
-@dataclass(frozen=True)
-class Batch:
-    """Buffers of one batch: the twin's states and the wrenches of all joints."""
-
-    q: np.ndarray  # (n, 7 nj)
-    v: np.ndarray  # (n, 6 nj)
-    a: np.ndarray  # (n, 6 nj)
-    wrench: np.ndarray  # (n, nj, 6)
-
-    @classmethod
-    def of(cls, twin: Twin, n: int) -> Batch:
-        """Make buffers for `n` samples."""
-        nj = twin.n_joints
-        shapes = (n, 7 * nj), (n, 6 * nj), (n, 6 * nj), (n, nj, 6)
-        return cls(*(np.empty(shape) for shape in shapes))
-
-    def first(self, n: int, wrench: np.ndarray | None = None) -> Batch:
-        """Return the buffers of the first `n` samples, with wrenches in `wrench` where given."""
-        wrench = self.wrench[:n] if wrench is None else wrench
-        return Batch(self.q[:n], self.v[:n], self.a[:n], wrench)
 
 
 def joint_wrenches(
@@ -94,28 +73,45 @@ def state_wrenches(
     out = np.empty((len(states.q), scene.twin().n_joints, 6))
     for start, stop, carried in states.phases(scene):
         twin = scene.twin(carried)
-        batch = Batch.of(twin, min(stop - start, batch_size(threads)))
         for part in slices(start, stop, batch_size(threads)):
-            buffers = batch.first(part.stop - part.start, out[part])
-            reactions(twin, states.q[part], states.v[part], states.a[part], buffers, threads)
-            subtract_external_wrenches(twin, applied, part, buffers)
+            reactions(twin, states.part(part), part_of(applied, part), out[part], threads)
     return out
 
 
-def reactions(
-    twin: Twin, q: np.ndarray, v: np.ndarray, a: np.ndarray, batch: Batch, threads: int
-) -> None:
-    """Write w = RNEA_twin(q, E v, E a) of one batch into `batch.wrench` (paper eq. 17).
+def part_of(applied: Sequence[AppliedWrench], part: slice) -> list[AppliedWrench]:
+    """Return the wrenches on some of the samples."""
+    return [AppliedWrench(one.joint, one.wrench[part]) for one in applied]
 
-    Of a robot too large to open, they are Pinocchio's `data.f`, sample by sample.
+
+def reactions(
+    twin: Twin,
+    states: States,
+    applied: Sequence[AppliedWrench],
+    wrench: np.ndarray,
+    threads: int,
+) -> None:
+    """Write w = RNEA_twin(q, E v, E a) less springs and external wrenches (paper eq. 17).
+
+    Args:
+        twin: with the springs.
+        states, applied: of one batch.
+        wrench: (n, nj, 6), overwritten.
+        threads: of numba.
     """
-    embedding = q, v, a, twin.embedding, batch.q, batch.v, batch.a
+    q, v, a = states.q, states.v, states.a
+    arguments = q, v, a, twin.embedding, links(twin), wrench
     if threads == 1:
-        embed(*embedding)
+        write_reactions(*arguments)
     else:
         with team(threads) as parts:
-            embed_in_parts(parts, *embedding)
-    transmitted(twin, q, v, a, batch, threads)
+            reactions_in_parts(parts, *arguments)
+    if not applied and twin.springs is None:
+        return
+    q_twin = embedded(twin, q, v, a)[0]
+    for joint, on_link in spring_wrenches(twin, q, q_twin):
+        transmit(on_link, joint, *tree_tables(twin), q_twin, wrench)
+    for one in applied:
+        transmit(one.wrench, one.joint, *tree_tables(twin), q_twin, wrench)
 
 
 def rigid_efforts(
@@ -127,21 +123,10 @@ def rigid_efforts(
         twin: with the springs. q, v, a: (n, nq), (n, nv), (n, nv).
     """
     wrench, effort = np.empty((len(q), twin.n_joints, 6)), np.empty(v.shape)
-    batch = Batch.of(twin, min(len(q), batch_size(1)))
     for part in slices(0, len(q), batch_size(1)):
-        buffers = batch.first(part.stop - part.start, wrench[part])
-        reactions(twin, q[part], v[part], a[part], buffers, 1)
+        reactions(twin, States(q[part], v[part], a[part]), (), wrench[part], 1)
     project(wrench, twin.embedding, twin.armature, a, effort)
     return wrench, effort
-
-
-def transmitted(
-    twin: Twin, q: np.ndarray, v: np.ndarray, a: np.ndarray, batch: Batch, threads: int
-) -> None:
-    """Write `reactions` of a batch whose twin's states are known."""
-    _transmitted(twin, q, v, a, batch, threads)
-    for joint, wrench in spring_wrenches(twin, q, batch.q):
-        transmit(wrench, joint, *tree_tables(twin), batch.q, batch.wrench)
 
 
 def spring_wrenches(twin: Twin, q: np.ndarray, q_twin: np.ndarray) -> list[tuple[int, np.ndarray]]:
@@ -170,29 +155,6 @@ def _places(
     p, R = np.empty((n, nj, 3)), np.empty((n, nj, 3, 3))
     place_links(q_twin, *tree_tables(twin), p, R)
     return twin.displacements(twin.springs.joint, q), p, R
-
-
-def _transmitted(
-    twin: Twin, q: np.ndarray, v: np.ndarray, a: np.ndarray, batch: Batch, threads: int
-) -> None:
-    """Write the wrenches of a batch without springs."""
-    flat = batch.wrench.reshape(len(q), -1)
-    if twin.opened is None:
-        data, forces = twin.joint_forces()
-        for i in range(len(q)):
-            pin.rnea(twin.model, data, q[i], v[i], a[i])
-            batch.wrench[i] = forces
-        return
-    # transposes of C-ordered arrays are the Fortran-ordered columns Pinocchio takes, uncopied
-    pin.rneaInParallel(threads, twin.pool(threads), batch.q.T, batch.v.T, batch.a.T, flat.T)
-
-
-def subtract_external_wrenches(
-    twin: Twin, applied: Sequence[AppliedWrench], part: slice, batch: Batch
-) -> None:
-    """Subtract external wrenches from the joints that carry them."""
-    for wrench in applied:
-        transmit(wrench.wrench[part], wrench.joint, *tree_tables(twin), batch.q, batch.wrench)
 
 
 def applied_wrenches(

@@ -24,8 +24,9 @@ from pinfric.kernels.compiled import parallel_kernel
 from pinfric.model.arrays import whole_number
 from pinfric.model.bearings import Contacts
 from pinfric.model.laws import Laws
+from pinfric.model.recursion import Links, write_reactions
 from pinfric.model.scene import SiteTables
-from pinfric.model.twin import Embedding, embed, project
+from pinfric.model.twin import Embedding, project
 
 #: Below this many samples a second thread costs more than it brings (Pinocchio's barrier spins).
 _FEW = 4096
@@ -68,21 +69,20 @@ def team(threads: int) -> Iterator[int]:
 
 
 @parallel_kernel
-def embed_in_parts(
+def reactions_in_parts(
     parts: int,
     q: np.ndarray,
     v: np.ndarray,
     a: np.ndarray,
     joints: Embedding,
-    q_twin: np.ndarray,
-    v_twin: np.ndarray,
-    a_twin: np.ndarray,
+    tree: Links,
+    wrench: np.ndarray,
 ) -> None:
-    """`twin.embed`, a part of the samples on each thread."""
+    """`recursion.write_reactions`, a part of the samples on each thread."""
     n = q.shape[0]
     for thread in numba.prange(parts):
         i, j = thread * n // parts, (thread + 1) * n // parts
-        embed(q[i:j], v[i:j], a[i:j], joints, q_twin[i:j], v_twin[i:j], a_twin[i:j])
+        write_reactions(q[i:j], v[i:j], a[i:j], joints, tree, wrench[i:j])
 
 
 @parallel_kernel

@@ -8,6 +8,7 @@ from numpy.testing import assert_allclose
 
 import pinfric as pf
 from pinfric.dynamics.derivatives.derivatives import check_differentiable
+from pinfric.dynamics.derivatives.parameters import opened
 from pinfric.errors import AmbiguousAcceleration, SceneError, StateError
 from pinfric.model.couples import rate_rows, reaches
 from pinfric.model.friction_terms import STEEP
@@ -259,14 +260,14 @@ def test_loads_are_those_of_the_opened_twin(seed):
             E[6 * j : 6 * j + 6, twin.v_index[j]] = twin.ratio[j] * twin.axis[j]
         for n, c in enumerate(twin.components[j][twin.components[j] >= 0]):
             E[6 * j + c, twin.v_index[j] + n] = 1.0
-    opened, data = twin.opened, twin.opened.createData()
-    free = pin.neutral(opened)
+    free_model = opened(scene.model)
+    data, free = free_model.createData(), pin.neutral(free_model)
     plain = twin.model.createData()
     pin.forwardKinematics(twin.model, plain, q)
     for j in range(twin.n_joints):
         fixed = twin.model.jointPlacements[j + 1]
         free[7 * j : 7 * j + 7] = pin.SE3ToXYZQUAT(fixed.actInv(plain.liMi[j + 1]))
-    pin.computeRNEADerivatives(opened, data, free, E @ v, E @ a)
+    pin.computeRNEADerivatives(free_model, data, free, E @ v, E @ a)
     whole = np.triu(data.M) + np.triu(data.M, 1).T
     dw = np.hstack([judge @ E for judge in (data.dtau_dq, data.dtau_dv, whole)])
     for j, judge in enumerate(dw.reshape(twin.n_joints, 6, 3 * twin.nv)):

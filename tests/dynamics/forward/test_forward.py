@@ -77,7 +77,7 @@ def test_without_friction_it_is_aba(seed):
 
 @pytest.mark.parametrize("seed", range(24))
 def test_inverse_dynamics_gives_the_efforts_back(seed):
-    joints = 1 + seed % 8 if seed < 20 else 24  # beyond 20 joints there is no opened model
+    joints = 1 + seed % 8 if seed < 20 else 24
     model = random_tree(seed, joints)
     model.armature = np.linspace(0, 0.2, model.nv)
     friction = gentle(random_friction(model, seed))
