@@ -6,8 +6,8 @@ import numpy as np
 
 from pinfric.kernels.compiled import kernel
 
-#: Pivots below this many times the first one are zero.
-RANK = 1e-9
+#: Pivots below this many times the first one are zero; those of second derivatives.
+RANK, _FLAT = 1e-9, 1e-14
 
 
 @kernel
@@ -40,6 +40,48 @@ def solve_dense(A: np.ndarray, B: np.ndarray) -> bool:
                 total -= A[k, i] * B[i, j]
             B[k, j] = total / A[k, k]
     return True
+
+
+@kernel
+def solve_semidefinite(H: np.ndarray, x: np.ndarray) -> None:
+    """Overwrite x (n,) with a y of H y = x, by elimination with diagonal pivots; H is lost.
+
+    Args:
+        H: (n, n), symmetric, no eigenvalue negative. Where it is flat y is 0.
+        x: overwritten.
+    """
+    n, first = x.size, 0.0
+    order, rank = np.arange(n), n
+    for k in range(n):
+        pivot = k
+        for i in range(k + 1, n):
+            if H[i, i] > H[pivot, pivot]:
+                pivot = i
+        if k == 0:
+            first = H[pivot, pivot]
+        if not H[pivot, pivot] > _FLAT * first:
+            rank = k
+            break
+        if pivot != k:
+            order[k], order[pivot] = order[pivot], order[k]
+            x[k], x[pivot] = x[pivot], x[k]
+            for j in range(n):
+                H[k, j], H[pivot, j] = H[pivot, j], H[k, j]
+            for j in range(n):
+                H[j, k], H[j, pivot] = H[j, pivot], H[j, k]
+        for i in range(k + 1, n):
+            factor = H[i, k] / H[k, k]
+            x[i] -= factor * x[k]
+            for j in range(k + 1, n):
+                H[i, j] -= factor * H[k, j]
+    y = np.zeros(n)
+    for k in range(rank - 1, -1, -1):
+        total = x[k]
+        for j in range(k + 1, rank):
+            total -= H[k, j] * y[order[j]]
+        y[order[k]] = total / H[k, k]
+    for k in range(n):
+        x[k] = y[k]
 
 
 @kernel

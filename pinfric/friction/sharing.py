@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from pinfric.friction.balance import RANK, inverse_of
+from pinfric.friction.dense import solve_semidefinite
 from pinfric.kernels.compiled import call_compiled, kernel
 
 #: A joint this much slower than the others (relative) does not take part in the motion w.
@@ -67,7 +68,7 @@ def share(
         return np.asarray(np.linalg.lstsq(A, b, rcond=RANK)[0]), b
     same = np.equal.outer(block, block).astype(float)
     # with one freedom w is known
-    w = b / size if len(b) == 1 else _weakest(A, b / size, limit, same, speeds)
+    w = b / size if len(b) == 1 else _weakest(A, b / size, limit, block, speeds)
     rounding = _SMOOTH * np.sqrt(same @ (A**2).sum(axis=0))
     # as the root: weights differ by 1e12 where one limit is more than any, squares lose directions
     root = np.sqrt(limit / np.sqrt(same @ (A.T @ w) ** 2 + rounding**2 + 1e-300))
@@ -182,7 +183,7 @@ def _weakest(
     A: np.ndarray,
     b: np.ndarray,
     limit: np.ndarray,
-    same: np.ndarray,
+    block: np.ndarray,
     speeds: np.ndarray | None,
 ) -> np.ndarray:
     """Motion w (r,), b^T w = 1, |b| = 1, of least resistance: Newton, kinks rounded ever less.
@@ -190,49 +191,127 @@ def _weakest(
     Near given speeds (n,) they are as sharp as at the end: in w those that rest, or nearly, do.
     Where that ends early all begins anew from b.
     """
+    side = 1.0 if b[0] >= 0.0 else -1.0
+    v = b + side * np.eye(1, len(b))[0]
+    axes = side * (np.outer(v, v) / (v @ v / 2.0) - np.eye(len(b)))  # the first is b
+    rotated, u = np.ascontiguousarray(axes.T @ A), np.zeros(len(b) - 1)
     if speeds is not None:
-        slow = np.sqrt(same @ speeds**2)
+        slow = joint_sizes(speeds, block)
         slow += _SMOOTH * slow.max()
         w = np.linalg.lstsq((A / slow).T, speeds / slow, rcond=1e-14)[0]
         if float(w @ b) > 0.0:
-            w, stationary = _newton(A, b, limit, same, w / float(w @ b), _SMOOTH)
-            if stationary:
-                return w
-    w = b
+            u[:] = axes[:, 1:].T @ w / float(w @ b)
+            if call_compiled(least_resistance, rotated, limit, block, _SMOOTH, u):
+                return np.asarray(axes @ np.append(1.0, u))
+            u[:] = 0.0
     for smooth in 10.0 ** np.arange(-1, np.log10(_SMOOTH) - 0.5, -1):
-        w, _ = _newton(A, b, limit, same, w, smooth)
-    return w
+        call_compiled(least_resistance, rotated, limit, block, float(smooth), u)
+    return np.asarray(axes @ np.append(1.0, u))
 
 
-def _newton(
-    A: np.ndarray, b: np.ndarray, limit: np.ndarray, same: np.ndarray, w: np.ndarray, smooth: float
-) -> tuple[np.ndarray, bool]:
-    """`_weakest` from w on with kinks of one roundness; and whether the resistance is least."""
-    across = np.linalg.svd(b[None])[2][1:].T  # (r, r - 1)
-    rounding = smooth * np.sqrt(same @ (A**2).sum(axis=0)) + 1e-300
-    number = same.sum(axis=0)
+@kernel
+def least_resistance(
+    A: np.ndarray, limit: np.ndarray, block: np.ndarray, smooth: float, u: np.ndarray
+) -> bool:
+    """Lower sum limit |y| over joints, y = A^T (1, u), from u on by Newton's method.
 
-    def speeds(w: np.ndarray) -> np.ndarray:
-        return np.asarray(np.sqrt(same @ (A.T @ w) ** 2 + rounding**2))
+    |y|^2 is summed over the columns of a joint. Return whether the resistance is least.
 
-    def resistance(w: np.ndarray) -> float:
-        return float((limit / number) @ speeds(w))
-
-    def gradient(w: np.ndarray) -> np.ndarray:
-        return np.asarray(A @ (limit / speeds(w) * (A.T @ w)))
-
+    Args:
+        A: (1 + d, n). limit: (n,), alike for the columns of a joint.
+        block: (n,) joint of each column.
+        smooth: roundness of the kinks, relative to the largest speeds with |(1, u)| = 1.
+        u: (d,), overwritten.
+    """
+    d, n = u.size, limit.size
+    rounding, y, speed = np.empty(n), np.empty(n), np.empty(n)
+    for k in range(n):
+        square = 0.0
+        for j in range(n):
+            for i in range(1 + d if block[j] == block[k] else 0):
+                square += A[i, j] * A[i, j]
+        rounding[k] = smooth * np.sqrt(square) + 1e-300
+    slope, H = np.empty(1 + d), np.empty((d, d))
+    step, trial = np.empty(d), np.empty(d)
+    least = _resistance(A, limit, block, rounding, u, y, speed)
     for _ in range(_NEWTON_PASSES):
-        y, speed = A.T @ w, speeds(w)
-        weight = limit / speed
-        along = A @ (same * y[:, None])
-        H = (A * weight) @ A.T - (along * (weight / speed**2 / number)) @ along.T
-        towards = -across.T @ gradient(w)
-        step = across @ np.linalg.lstsq(across.T @ H @ across, towards, rcond=1e-14)[0]
-        damping, before = 1.0, resistance(w)
-        while damping > 1e-6 and resistance(w + damping * step) > before:
+        _write_slope(A, limit, block, y, speed, slope, H)
+        for i in range(d):
+            step[i] = slope[1 + i]
+        solve_semidefinite(H, step)
+        damping, before, size, far = 2.0, least, 1.0, 0.0
+        while damping == 2.0 or (damping > 1e-6 and least > before):
             damping *= 0.5
-        w = w + damping * step
-        if np.abs(step).max() <= 1e-13 * np.abs(w).max() or damping <= 1e-6:
+            for i in range(d):
+                trial[i] = u[i] - damping * step[i]
+            least = _resistance(A, limit, block, rounding, trial, y, speed)
+        for i in range(d):
+            u[i] = trial[i]
+            size, far = max(size, abs(u[i])), max(far, abs(step[i]))
+        if far <= 1e-13 * size or damping <= 1e-6:
             break
-    slope = gradient(w)
-    return w, bool(np.linalg.norm(across.T @ slope) <= _STATIONARY * np.linalg.norm(slope))
+    _write_slope(A, limit, block, y, speed, slope, H)
+    across = 0.0
+    for i in range(d):
+        across += slope[1 + i] * slope[1 + i]
+    return bool(across <= _STATIONARY * _STATIONARY * (across + slope[0] * slope[0]))
+
+
+@kernel
+def _resistance(
+    A: np.ndarray,
+    limit: np.ndarray,
+    block: np.ndarray,
+    rounding: np.ndarray,
+    u: np.ndarray,
+    y: np.ndarray,
+    speed: np.ndarray,
+) -> float:
+    """Write y and speed (n,) of each column's joint at u; return the resistance."""
+    n, total = y.size, 0.0
+    for k in range(n):
+        y[k] = A[0, k]
+        for i in range(u.size):
+            y[k] += A[1 + i, k] * u[i]
+    for k in range(n):
+        square, number = rounding[k] * rounding[k], 0
+        for j in range(n):
+            if block[j] == block[k]:
+                square, number = square + y[j] * y[j], number + 1
+        speed[k] = np.sqrt(square)
+        total += limit[k] * speed[k] / number
+    return total
+
+
+@kernel
+def _write_slope(
+    A: np.ndarray,
+    limit: np.ndarray,
+    block: np.ndarray,
+    y: np.ndarray,
+    speed: np.ndarray,
+    slope: np.ndarray,
+    H: np.ndarray,
+) -> None:
+    """Write the resistance's slope (1 + d,) and its second derivatives by u (d, d)."""
+    n, r = y.size, slope.size
+    along = np.empty(r)
+    slope[:] = 0.0
+    H[:] = 0.0
+    for k in range(n):
+        weight, first = limit[k] / speed[k], True
+        for i in range(r):
+            slope[i] += weight * y[k] * A[i, k]
+            for j in range(1, r if i > 0 else 0):
+                H[i - 1, j - 1] += weight * A[i, k] * A[j, k]
+        for j in range(k):
+            first = first and block[j] != block[k]
+        if not first:  # what follows is once of each joint
+            continue
+        along[:] = 0.0
+        for j in range(n):
+            for i in range(r if block[j] == block[k] else 0):
+                along[i] += y[j] * A[i, j]
+        for i in range(1, r):
+            for j in range(1, r):
+                H[i - 1, j - 1] -= weight / (speed[k] * speed[k]) * along[i] * along[j]

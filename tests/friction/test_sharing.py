@@ -7,7 +7,9 @@ import pytest
 from scipy.optimize import linprog
 
 from pinfric.friction.balance import RANK, inverse_of
-from pinfric.friction.sharing import _along_one, share
+from pinfric.friction.dense import solve_semidefinite
+from pinfric.friction.sharing import _along_one, least_resistance, share
+from pinfric.kernels.compiled import call_compiled
 
 
 @pytest.mark.parametrize("started", [False, True])
@@ -59,3 +61,53 @@ def test_a_motion_that_loads_other_joints_has_the_friction_of_a_linear_system():
     small = 1e-9 * direct  # in small units it is the same
     _along_one(small, gain, np.arange(5), z)
     np.testing.assert_allclose(z, np.linalg.solve(np.eye(5) - gain, small), rtol=1e-11)
+
+
+def rounded_resistance(A, limit, block, smooth):
+    """Value, slope and second derivatives of sum limit |y|, y = A^T w, by matrices alone."""
+    joints = np.equal.outer(np.unique(block), block).astype(float)
+    size = joints.T @ joints @ (A**2).sum(axis=0)
+    of_joint, own = smooth**2 * joints @ size / joints.sum(axis=1), joints @ limit / joints.sum(1)
+
+    def at(w):
+        y = A.T @ w
+        speed = np.sqrt(joints @ y**2 + of_joint)
+        along = A @ (joints * y).T
+        weight = joints.T @ (own / speed)
+        H = (A * weight) @ A.T - (along * own / speed**3) @ along.T
+        return own @ speed, A @ (weight * y), H
+
+    return at
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_the_motion_of_least_resistance_is_that_of_newton_s_method_on_matrices(seed):
+    """Pins and balls whose limits are up to six decades apart."""
+    rng = np.random.default_rng(seed)
+    d, block = int(rng.integers(1, 5)), np.repeat(np.arange(6), rng.choice([1, 3], 6))
+    A = np.linalg.qr(rng.normal(size=(len(block), 1 + d)))[0].T
+    limit = 10.0 ** rng.uniform(-3, 3, 6)[block]
+    u, w = np.zeros(d), np.eye(1, 1 + d)[0]
+    for smooth in (1e-1, 1e-2, 1e-3):
+        call_compiled(least_resistance, A, limit, block, smooth, u)
+        at = rounded_resistance(A, limit, block, smooth)
+        for _ in range(100):
+            value, slope, H = at(w)
+            step = np.append(0.0, np.linalg.solve(H[1:, 1:], -slope[1:]))
+            while at(w + step)[0] > value and np.abs(step).max() > 1e-15:
+                step *= 0.5
+            w = w + step
+        np.testing.assert_allclose(u, w[1:], rtol=1e-7, atol=1e-7 * np.abs(w).max())
+        assert at(np.append(1.0, u))[0] <= at(w)[0] * (1 + 1e-12)
+
+
+def test_where_second_derivatives_are_flat_nothing_moves():
+    rng = np.random.default_rng(1)
+    A = rng.normal(size=(3, 5)) * 10.0 ** np.arange(-4.0, 1.0)
+    H, x = A.T @ A, A.T @ np.array([1.0, 2.0, -3.0])
+    y = x.copy()
+    solve_semidefinite(H.copy(), y)
+    np.testing.assert_allclose(H @ y, x, rtol=1e-8, atol=1e-12 * np.abs(x).max())
+    y = np.ones(2)
+    solve_semidefinite(np.diag([0.0, 4.0]), y)
+    np.testing.assert_array_equal(y, [0.0, 0.25])
