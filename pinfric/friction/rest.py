@@ -33,8 +33,9 @@ from pinfric.friction.law import add_load_slopes, evaluate, slip_law, stick_limi
 from pinfric.friction.problem import Modes, Problem, bounded
 from pinfric.friction.sharing import Group, joint_sizes, share_nearby, share_one
 
-#: Passes of Anderson's extrapolation.
-_PASSES = 400
+#: Passes of Anderson's extrapolation; those in given modes, whatever gears hold, after which no
+#: other way is begun.
+_PASSES, _MOST_SHARED = 400, 2_000
 
 
 def connected(linked: np.ndarray) -> list[np.ndarray]:
@@ -183,6 +184,7 @@ def solve_modes(
     """
     if chosen and modes.effort.size:
         hold_chosen(problem, modes)
+    modes.figures[:] = 0.0
     solutions, obeying = _solve_held(problem, modes, mechanism, chosen)
     more = mechanism.closed and modes.effort.size > 0 and not obeying
     ways = list(ways_to_hold(problem, modes)) if more else []
@@ -192,7 +194,14 @@ def solve_modes(
         solutions, obeying = _solve_held(problem, modes, mechanism, chosen, within=True)
         if obeying:
             break
+        if passes_of_sharing(modes) > _MOST_SHARED:
+            return -1, 0  # others may hold
     return solutions, obeying
+
+
+def passes_of_sharing(modes: Modes) -> float:
+    """Return the passes of the last solve in which friction was shared."""
+    return float(modes.figures[1]) if np.isnan(modes.figures[0]) else 0.0
 
 
 def _solve_held(
@@ -225,6 +234,8 @@ def _solve_held(
             return 0, 0
         if solutions <= 0 or not off_lines + changed:
             return solutions, obeying
+        if passes_of_sharing(modes) > _MOST_SHARED:
+            break
     return -1, 0
 
 
@@ -273,7 +284,7 @@ class _Shared:
             self.follows_loads = False
             x, more = anderson(self, start, self.sharp)
             passes += more
-        modes.figures[:] = np.nan, passes
+        modes.figures[:] = np.nan, passes_of_sharing(modes) + passes
         if not self.possible:
             modes.friction[:1] = np.nan
             return 0, 0, 0, 0

@@ -30,7 +30,7 @@ from pinfric.friction.given_modes import SHOULD_STICK, judge
 from pinfric.friction.islands import split
 from pinfric.friction.law import evaluate
 from pinfric.friction.problem import Modes, Problem, SearchOutcome
-from pinfric.friction.rest import Mechanism, solve_modes
+from pinfric.friction.rest import Mechanism, passes_of_sharing, solve_modes
 from pinfric.friction.several import find_all
 from pinfric.friction.smoothing import guess_modes
 from pinfric.friction.tree import Tree
@@ -41,8 +41,8 @@ MOST_ENUMERATED = 8
 #: All modes of up to so many joints are tried in less time than a tree of them takes.
 _FEW = 2
 #: Passes of all solves of a search, a few seconds once compiled. A solve takes one pass in an open
-#: chain, three in a mechanism, more where friction is shared.
-MOST_PASSES = 20_000
+#: chain, three in a mechanism, more where friction is shared; on lines of gears a tenth of these.
+MOST_PASSES, _ON_LINES = 20_000, 0.1
 #: Passes in the modes that a tree leaves; then pivoting is tried.
 _IN_TREE = 5_000
 #: Accelerations closer than this, relative to their size, are the same one.
@@ -80,7 +80,7 @@ class SearchStatistics:
     Attributes:
         many: how many answers, and how many of them are stable; 0: one was found, others may exist.
         tried: in how many modes it looked for them.
-        unsure: whether gears allow more choices than are tried.
+        unsure: whether gears allow more choices than were tried.
         island: (n,) coordinates of the island that decided the outcome; none: all did.
     """
 
@@ -114,7 +114,7 @@ class _Query:
     count: SearchStatistics
     several: bool = False
     answers: list[Answer] = field(default_factory=list)
-    passes: int = field(default_factory=lambda: MOST_PASSES)
+    passes: float = field(default_factory=lambda: MOST_PASSES)
     unsure: bool = False
     proved: bool = True
 
@@ -124,14 +124,19 @@ class _Query:
     def solve(self) -> tuple[int, int]:
         """Solve the modes as they are, all solutions of them if wanted; see `rest.solve_modes`."""
         self.answers, m = [], self.modes
-        counts = solve_modes(self.problem, m, self.mechanism)
+        counts = self._solved(1.0)
         moves = not m.stuck[self.problem.gear_coordinate].all()
         off_lines = moves and m.figures[0] >= 1.0  # of several solutions some
         if m.effort.size and (counts[0] < 0 or off_lines or not is_certain(self.problem, m)):
             counts = self._on_every_line()
-        shared = np.isnan(m.figures[0])
-        self.passes -= max(3 * self.mechanism.closed, int(m.figures[1]) if shared else 1)
         return self._all(counts) if self.several and m.figures[0] >= 1.0 else counts
+
+    def _solved(self, weight: float, chosen: bool = False) -> tuple[int, int]:
+        """`rest.solve_modes` of the modes as they are; its passes are counted with a weight."""
+        counts = solve_modes(self.problem, self.modes, self.mechanism, chosen)
+        plain = weight * (3 if self.mechanism.closed else 1)
+        self.passes -= max(plain, passes_of_sharing(self.modes))
+        return counts
 
     def _on_every_line(self) -> tuple[int, int]:
         """Solve the modes on every line of gears that may fit; `answers` are theirs."""

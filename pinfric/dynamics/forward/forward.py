@@ -19,7 +19,7 @@ from pinfric.dynamics.samples.closure import check_closed
 from pinfric.dynamics.samples.outcome import Status
 from pinfric.dynamics.samples.reactions import AppliedWrench, applied_wrenches
 from pinfric.dynamics.samples.states import States, one_of, vector
-from pinfric.errors import PinfricError, StateError
+from pinfric.errors import AccelerationError, PinfricError, StateError
 from pinfric.model.brief import counted, screen
 from pinfric.model.described import EFFORT
 from pinfric.model.scene import Scene, expect_scene
@@ -256,8 +256,10 @@ def solve_checked(
         try:
             ws.solve(q, v, effort, applied)
             exact = ws.constraints.is_exact(q)
-        except PinfricError:  # errors of the state come first
+        except PinfricError as error:  # errors of the state come first
             ws.failures.check_finite(ws.state)
+            if isinstance(error, AccelerationError) and ws.constraints.is_exact(q):
+                raise
     if not exact:
         states = States.of(ws.scene, q, v, np.zeros(ws.nv))
         q, v = states.q[0], states.v[0]

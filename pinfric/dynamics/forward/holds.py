@@ -141,12 +141,14 @@ def _decide_all(
     """
     ways = list(ways_to_hold(ws.problem, ws.modes))
     tried = ways or [ws.modes.effort.copy()]  # none: too many
+    if ws.mechanism.balls:
+        return _decide_balls(ws, q, effort, applied, ways), np.zeros(len(ws.modes.stuck))
     found = list[tuple[Verdict, np.ndarray]]()
     for efforts in tried:
         ws.modes.effort[:] = efforts
         hold_chosen(ws.problem, ws.modes)
         used = min((verdict.use for verdict, _ in found), default=np.inf)
-        found.append(_decide(ws, q, effort, applied, used))
+        found.append(_decide(ws, used))
     best = min(range(len(tried)), key=lambda i: found[i][0].use)
     ws.modes.effort[:] = tried[best]
     hold_chosen(ws.problem, ws.modes)
@@ -184,46 +186,59 @@ def _as_in_forward_dynamics(
     return friction if same else verdict.friction
 
 
-def _decide(
-    ws: Workspace,
-    q: np.ndarray,
-    effort: np.ndarray,
-    applied: list[AppliedWrench] | None,
-    least_below: float,
-) -> tuple[Verdict, np.ndarray]:
+def _decide(ws: Workspace, least_below: float) -> tuple[Verdict, np.ndarray]:
     """The verdict on everything with dry friction at rest, with the least use if it is below one.
 
     Beside it from where friction counts (nc,): 0, or the nearest that a self-locking gear holds.
     """
     dry = ws.plan.coordinates.dry
-    nothing, unknown = np.zeros(len(dry)), np.full(len(dry), np.nan)
+    nothing = np.zeros(len(dry))
     if not dry.any():
         return Verdict(True, 0.0, nothing, True, True), nothing
-    if not ws.mechanism.balls:
-        without = without_gears(ws.problem, ws.modes, lines_and_rows(ws.problem, ws.modes)[1])
-        assert without is not None  # no gear is in motion
-        plain, of_y = without
-        shift = of_y[:, 0] if of_y.size else nothing
-        balance = _statics(ws, dry, shift)
-        verdict = decide(plain, ws.mechanism.factor, dry, balance, least_below)
-        return replace(verdict, friction=verdict.friction + shift), shift
-    # a ball's limit is a sphere: its friction is found as in forward dynamics
-    resting = np.flatnonzero(dry)
+    without = without_gears(ws.problem, ws.modes, lines_and_rows(ws.problem, ws.modes)[1])
+    assert without is not None  # no gear is in motion
+    plain, of_y = without
+    shift = of_y[:, 0] if of_y.size else nothing
+    balance = _statics(ws, dry, shift)
+    verdict = decide(plain, ws.mechanism.factor, dry, balance, least_below)
+    return replace(verdict, friction=verdict.friction + shift), shift
+
+
+def _decide_balls(
+    ws: Workspace,
+    q: np.ndarray,
+    effort: np.ndarray,
+    applied: list[AppliedWrench] | None,
+    ways: list[np.ndarray],
+) -> Verdict:
+    """The verdict where balls rest, whose limits are spheres: friction as in forward dynamics.
+
+    That looks for it over all ways of gears (none given: too many); the one found stays in
+    `ws.modes`. A bound of the use is above 1 where none holds.
+    """
+    dry, nothing = ws.plan.coordinates.dry, np.zeros(len(ws.modes.stuck))
+    unknown, resting = np.full(len(dry), np.nan), np.flatnonzero(dry)
     balance, block = _statics(ws, dry, nothing), ws.mechanism.block[dry]
-    least = least_possible_use(ws.problem, resting, balance, block)
-    if least > 1.0 + _MARGIN:
-        return Verdict(False, least, unknown, True), nothing
+    bounds = [0.0] * (not ways)
+    for efforts in ways:
+        ws.modes.effort[:] = efforts
+        hold_chosen(ws.problem, ws.modes)
+        bounds.append(least_possible_use(ws.problem, resting, balance, block))
+    if min(bounds) > 1.0 + _MARGIN:
+        return Verdict(False, min(bounds), unknown, True)
     try:
         ws.solve(q, np.zeros(ws.nv), effort, applied)
     except AccelerationError:
-        return Verdict(None, np.inf, unknown, False), nothing
+        return Verdict(None, np.inf, unknown, False)
     held = bool(ws.modes.stuck[dry].all())
     limit = np.maximum(np.maximum(ws.most, -ws.least), 1e-300)
     size = np.sqrt(ws.mechanism.summed(ws.modes.friction**2))
     use = float((size / limit)[dry].max())
-    friction = ws.modes.friction.copy()
+    friction, efforts = ws.modes.friction.copy(), ws.modes.effort.copy()
     ws.assemble(q, np.zeros(ws.nv), effort, applied)
-    return Verdict(True if held else None, use, friction, held), nothing
+    ws.modes.effort[:] = efforts
+    hold_chosen(ws.problem, ws.modes)
+    return Verdict(True if held else None, use, friction, held)
 
 
 def _statics(ws: Workspace, resting: np.ndarray, shift: np.ndarray) -> Balance:
