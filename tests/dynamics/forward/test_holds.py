@@ -17,13 +17,14 @@ from mechanisms import (
     pin_friction,
     shifted,
     spatial_loop,
+    two_ball_loops,
 )
 from scipy.optimize import minimize
 
 import pinfric as pf
 from pinfric.dynamics.forward.workspace import Workspace
-from pinfric.errors import StateError
-from pinfric.friction import holding
+from pinfric.errors import StateError, UndecidedAcceleration
+from pinfric.friction import holding, search
 
 
 def best_of_many_starts(scene, q, effort, rng, starts=6):
@@ -351,6 +352,48 @@ def test_that_no_friction_of_balls_holds_is_proved_only_where_none_does(seed):
 
 
 # ---------------------------------------------------------------- self-locking gears
+
+
+def balls_between_worms(seed):
+    """Chains that two balls join, two joints driven by worms; state and the torques' generator."""
+    scene, q, rng = two_ball_loops(seed, (4, 2, 2))
+    names = [drive.name for drive in scene.drives]
+    worms = [{"joint": name, "transmission": {**WORM, "no_load_torque": 0.002}} for name in names]
+    return scene.with_(actuators=worms), q, rng.normal(size=2)
+
+
+@pytest.mark.parametrize("seed", [2, 5, pytest.param(110, marks=pytest.mark.slow)])
+def test_balls_between_worms_rest_where_the_motors_torques_may_be(seed, monkeypatch):
+    """The interval's ends are another code; the friction is looked for once, not for each way."""
+    scene, q, way = balls_between_worms(seed)
+    still, solves, plain = np.zeros((1, scene.model.nv)), [], search.solve_modes
+    ends = pf.inverse_dynamics(scene, q[None], still, still)
+    low, high = ends.motor_torque_lower[0], ends.motor_torque_upper[0]
+    torque = 0.5 * (low + high) + 0.1 * (high - low) * way / np.abs(way).max()
+    monkeypatch.setattr(
+        search, "solve_modes", lambda *given, **more: solves.append(1) or plain(*given, **more)
+    )
+    held = pf.holds(scene, q, motor_torque=torque)
+    assert held.held
+    assert held.proved
+    assert len(solves) <= 2
+    found = pf.forward_dynamics(scene, q, still[0], motor_torque=torque)
+    assert not found.modes.any()
+    np.testing.assert_allclose(held.friction, found.friction, rtol=1e-9)
+
+
+@pytest.mark.parametrize("seed", [116, pytest.param(23, marks=pytest.mark.slow)])
+def test_balls_between_worms_are_decided_or_not_in_bounded_time(seed, monkeypatch):
+    """They turned through 320 changes of modes, each for all lines of both gears: 25 s."""
+    scene, q, way = balls_between_worms(seed)
+    still, solves, plain = np.zeros(scene.model.nv), [], search.solve_modes
+    monkeypatch.setattr(
+        search, "solve_modes", lambda *given, **more: solves.append(1) or plain(*given, **more)
+    )
+    with pytest.raises(UndecidedAcceleration, match=r"in \d+ modes tried of \d+"):
+        pf.forward_dynamics(scene, q, still, motor_torque=0.5 * way)
+    assert len(solves) < 400
+
 
 #: 4.905 N m on a bearing of 0.5 N m, held by a worm: efficiencies, ratio, no-load torque.
 _LOAD, _BEARING, _AHEAD, _BACK, _RATIO, _IDLE = -4.905, 0.5, 0.6, -0.1, 50.0, 0.002
