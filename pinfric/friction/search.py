@@ -62,6 +62,8 @@ _GRAVITY = (
 _CHANGES, _FOR_EACH = 60, 20
 #: How often all wrong modes may change at once without fewer of them than ever before.
 _PATIENCE = 10
+#: How often balls may turn in the same modes.
+_TURNS = 30
 #: Passes after which a ball that would stick does.
 _TRANSIENT = 10
 
@@ -272,7 +274,8 @@ def _search_island(
             modes.take(start)
             _stick(modes, mechanism, {})
             outcome = _follow(_Query(problem, modes, mechanism, count), set())
-        if outcome == SearchOutcome.SOLVED or modes.at_rest.sum() > MOST_ENUMERATED:
+        many = modes.at_rest.sum() > MOST_ENUMERATED and (mechanism.closed or mechanism.ball.any())
+        if outcome == SearchOutcome.SOLVED or many:
             return outcome
     query = _Query(problem, modes, mechanism, count, several=True)
     # 1. joints that pass their dead centre are not at rest
@@ -489,9 +492,10 @@ def _follow(query: _Query, fixed: set[int]) -> SearchOutcome:
     """Find consistent modes by block pivoting with Murty's rule as a safeguard, `fixed` unchanged.
 
     All joints that violate their law change their mode at once; when this stops reducing their
-    number, only the last of them does (certain to end with a P-matrix).
+    number, only the last of them does (certain to end with a P-matrix). It ends where balls
+    do not settle.
     """
-    modes, mechanism = query.modes, query.mechanism
+    modes, mechanism, turns = query.modes, query.mechanism, 0
     fewest, patience = len(modes.stuck) + 1, _PATIENCE
     for _ in range(_CHANGES + _FOR_EACH * len(modes.stuck)):
         if query.passes <= 0:
@@ -500,7 +504,10 @@ def _follow(query: _Query, fixed: set[int]) -> SearchOutcome:
         solutions, obeying = query.solve()
         if solutions <= 0:
             return outcome_of(solutions, 0)
-        if turn_balls(modes, mechanism) > TURNED:
+        turns = turns + 1 if turn_balls(modes, mechanism) > TURNED else 0
+        if turns > _TURNS:
+            return SearchOutcome.NONE
+        if turns:
             continue
         if obeying or not modes.verdict.any():
             return query.end(solutions, max(obeying, 1))

@@ -4,6 +4,7 @@ More states: `python tests/judges/resting_states.py all 0 1000`.
 """
 
 from contextlib import suppress
+from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
@@ -13,6 +14,8 @@ from judges.resting_states import (
     KINDS,
     Bodies,
     Joint,
+    _of_chain,
+    also,
     compare,
     five_bar,
     least_share,
@@ -21,8 +24,10 @@ from judges.resting_states import (
 from numpy.testing import assert_allclose
 
 import pinfric as pf
-from pinfric.errors import AccelerationError
+from pinfric.dynamics.forward.workspace import Workspace, workspace
+from pinfric.errors import AccelerationError, UndecidedAcceleration
 from pinfric.friction import search
+from pinfric.friction.problem import SearchOutcome
 from pinfric.friction.tree import Tree
 
 #: What is no error: a refusal that says so, a state at a limit, one of too many modes.
@@ -83,6 +88,52 @@ def test_friction_at_rest_is_that_with_the_least_largest_share_of_its_limit(seed
     assert share_of_limits(s, x) <= least_share(s, rng) * (1.0 + 1e-8)
     assert held.use == pytest.approx(share_of_limits(s, x), rel=1e-8)
     assert_allclose(held.friction, found.friction, atol=1e-6 * np.abs(x).max())
+
+
+def test_balls_that_do_not_settle_are_given_up_soon(monkeypatch):
+    """They turned through all changes of modes, 361 solves in 2 s, before friction was smoothed."""
+    solves, plain = [], search.solve_modes
+    monkeypatch.setattr(
+        search, "solve_modes", lambda *given, **more: solves.append(1) or plain(*given, **more)
+    )
+    state = KINDS["3-RRS"](np.random.default_rng([9, 77]))
+    model = state.scene.model
+    found = pf.forward_dynamics(state.scene, pin.neutral(model), np.zeros(model.nv), **state.given)
+    assert found.answers == 0
+    assert 20 < len(solves) < 120
+    obeys = also(state.resting, state.columns, found.a[state.velocity], found.modes != 0)
+    assert obeys is not None
+
+
+def strong_tree(seed, pins, contraction):
+    """Bars in a row whose friction feeds itself so strongly, and efforts about those that hold."""
+    rng = np.random.default_rng([5, seed])
+    chain = random_planar_tree(int(rng.integers(1 << 30)), pins, True)
+    worst = Moving(chain, np.zeros(pins), np.zeros(pins)).contraction()
+    chain = replace(chain, radius=chain.radius * contraction / worst, above=1.3)
+    held = chain.balance()[1][:, 0]
+    limit = 1.3 * _of_chain(chain, held, 1.3).limit(np.zeros((1, pins)))[0]
+    return chain.scene(), held + limit * rng.uniform(-1.5, 1.5, pins)
+
+
+@pytest.mark.parametrize(("seed", "pins"), [(6, 6), (3, 12)])
+def test_friction_that_feeds_itself_is_undecided_after_so_many_modes(seed, pins):
+    """In bounded time, with the number of modes that were tried."""
+    scene, effort = strong_tree(seed, pins, 3.0)
+    with pytest.raises(UndecidedAcceleration, match=rf"in \d+ modes tried of {3**pins}"):
+        pf.forward_dynamics(scene, np.zeros(pins), np.zeros(pins), effort)
+    assert workspace(scene).count.tried < 1_000
+
+
+def test_nine_joints_whose_pivoting_ends_are_searched_in_a_step_of_time():
+    """Pivoting from all stick finds none; two accelerations obey."""
+    scene, effort = strong_tree(0, 9, 3.0)
+    ws = Workspace(scene)
+    ws.assemble(np.zeros(9), np.zeros(9), effort)
+    ws.modes.stuck[:] = ws.modes.at_rest[:] = True
+    ws.modes.direction[:], ws.modes.friction[:1] = 0.0, np.nan
+    assert ws.search_step() == SearchOutcome.AMBIGUOUS
+    assert ws.count.many == (2, 2)
 
 
 def test_bodies_in_space_move_as_bars_in_the_plane():
