@@ -20,7 +20,8 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
 from importlib import import_module
 from typing import Any, NamedTuple
 from weakref import WeakKeyDictionary, ref
@@ -30,7 +31,7 @@ import pinocchio as pin
 
 from pinfric.dynamics.forward.compensation import check_compensated
 from pinfric.errors import PinfricError, choose_from
-from pinfric.exporting.mujoco_callback import Callback, jams, with_memory
+from pinfric.exporting.mujoco_callback import Callback, jams, mark, with_memory
 from pinfric.exporting.tree import MovedBody, bodies
 from pinfric.kernels.compiled import compiling, kernel
 from pinfric.model.bearings import normal_loads
@@ -73,14 +74,16 @@ class MujocoFriction:
     def __init__(self, scenes: Mapping[str, Scene], model: Any) -> None:
         self._mujoco = mujoco = _mujoco()
         self.scenes, self.model = dict(scenes), model
+        self._original = self.scenes  # what is compiled, without factors
         _check_options(mujoco, model)
         self._robots = tuple(_Robot(mujoco, x, model, prefix) for prefix, x in scenes.items())
         self.dofs = np.concatenate([robot.dofs for robot in self._robots])
         if len(set(self.dofs.tolist())) < self.dofs.size:
             raise PinfricError("mujoco_friction: two scenes have the same joint of the model")
         self._timestep = float(model.opt.timestep)
-        self._callback: Callback | None = None
+        self._callback: list[Callback] = []  # one, once compiled; shared by those of one robot
         self._calls = False  # whether it is installed
+        self._mark = mark(mujoco, model)
         #: Of each MjData that was begun; of the present one it stands in the model and the robots.
         self._kept: WeakKeyDictionary[Any, np.ndarray] = WeakKeyDictionary()
         self._present: Any = lambda: None
@@ -244,12 +247,13 @@ class MujocoFriction:
         `model` must come from an MjSpec. MuJoCo then calls for every `MjData` of `model` and its
         copies, also in several threads; `start` and `step` are not needed. A motion begins as by
         `start` wherever a state does not follow from the last step, so at each rollout's start.
+        Frictions of other models may be installed at the same time.
 
         Raises:
             PinfricError: friction that builds up over a way (`step` has it); no C++ compiler; no
-                MjSpec was given; another control or sensor callback
-                is set; at the end of the `with`: a gear jammed, or the time step, the integrator or
-                a flag was changed.
+                MjSpec was given; another control or sensor callback is set, or this one; at the end
+                of the `with`: a gear jammed; the time step, the integrator, a flag, armature or
+                damping was changed; a model of another friction ran that was not installed.
 
         Source: MuJoCo documentation, API reference: physics callbacks.
         """
@@ -260,17 +264,70 @@ class MujocoFriction:
                     "only, not in MuJoCo's callback; take `step`, or leave it out "
                     "(`scene.without_presliding`)"
                 )
-        if self._callback is None:
-            refused = sum(_bit(self._mujoco, flag) for flag in _FLAGS)
-            constants = {"LEAST": _LEAST, "HELD": _HELD, "REFUSED": refused}
-            places = {robot.prefix: robot.places for robot in self._robots}
-            self._callback = Callback(self._mujoco, self.scenes, self.model, places, constants)
-        with self._callback.installed():
+        with self._compiled().installed(
+            self.model, self._mark, {robot.prefix: robot.places for robot in self._robots}
+        ):
             self._calls = True
             try:
                 yield
             finally:
                 self._calls = False
+
+    def _compiled(self) -> Callback:
+        if not self._callback:
+            refused = sum(_bit(self._mujoco, flag) for flag in _FLAGS)
+            constants = {"LEAST": _LEAST, "HELD": _HELD, "REFUSED": refused}
+            self._callback.append(Callback(self._mujoco, self._original, constants))
+        return self._callback[0]
+
+    def randomised(
+        self,
+        rng: np.random.Generator,
+        scale: Any = (0.7, 1.3),
+        count: int = 1,
+    ) -> MujocoFrictions:
+        """Return frictions of so many environments, each with a model of its own, for training.
+
+        The friction of each joint (load-dependent, Coulomb, viscous) is multiplied by a number that
+        is drawn uniformly; gears and rotors keep theirs. The same rng in the same state gives the
+        same environments, whatever threads run them.
+
+        Args:
+            rng: numpy's generator.
+            scale: (low, high) of all joints, or joint -> (low, high), with the joints' prefix.
+            count: of environments.
+
+        Raises:
+            PinfricError: no such joint, or a range that is none.
+        """
+        if not isinstance(rng, np.random.Generator):
+            raise PinfricError(
+                f"randomised: rng is a {type(rng).__name__}, not a numpy.random.Generator: "
+                "give np.random.default_rng(seed)"
+            )
+        if not (isinstance(count, int | np.integer) and count > 0):
+            raise PinfricError(f"randomised: count: should be a number above 0; found {count!r}")
+        names = [robot.prefix + site.name for robot in self._robots for site in robot.scene.sites]
+        low, high = _ranges(scale, names)
+        factors = low + (high - low) * rng.random((count, len(names)))
+        return MujocoFrictions(tuple(self._varied(row) for row in factors), factors)
+
+    def _varied(self, factors: np.ndarray) -> MujocoFriction:
+        """This friction times factors (ns,), in a copy of the model."""
+        other = copy.copy(self)
+        other.model = copy.copy(self.model)
+        other._mark, other._calls = mark(self._mujoco, other.model), False
+        other._kept, other._present = WeakKeyDictionary(), lambda: None
+        robots, first = [], 0
+        for robot in self._robots:
+            last = first + len(robot.scene.sites)
+            robots.append(robot.varied(other.model, factors[first:last]))
+            robots[-1].write_constants(self._mujoco)
+            first = last
+        other._robots = tuple(robots)
+        other.scenes = {robot.prefix: robot.scene for robot in robots}
+        other.start(self._mujoco.MjData(other.model))
+        return other
 
     def sticking(self, data: Any) -> np.ndarray:
         """Return (na,) bool, whether each joint stuck in the last step, or had not slipped."""
@@ -298,6 +355,50 @@ class MujocoFriction:
     def wrench(self, data: Any) -> np.ndarray:
         """Return (nj, 6) parent on child in the child's joint frame, linear first (N, N m)."""
         return np.concatenate([robot.wrench(data) for robot in self._robots])
+
+
+@dataclass(frozen=True, eq=False)
+class MujocoFrictions:
+    """Frictions of several environments; see `MujocoFriction.randomised`.
+
+    Attributes:
+        each: of every environment.
+        factors: (N, ns) on the friction of each joint, scene after scene.
+    """
+
+    each: tuple[MujocoFriction, ...]
+    factors: np.ndarray
+
+    @property
+    def models(self) -> list[Any]:
+        """The environments' models, for `mujoco.rollout.rollout(models, data, ...)`."""
+        return [friction.model for friction in self.each]
+
+    @contextmanager
+    def installed(self) -> Iterator[None]:
+        """Let MuJoCo call the friction of each model; compiled once. See `MujocoFriction`."""
+        with ExitStack() as stack:
+            for friction in self.each:
+                stack.enter_context(friction.installed())
+            yield
+
+
+def _ranges(scale: Any, names: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
+    """(ns,) the lowest and the highest factors of the joints of those names."""
+    given = scale if isinstance(scale, Mapping) else dict.fromkeys(names, scale)
+    out = np.ones((2, len(names)))
+    for name, pair in given.items():
+        if name not in names:
+            raise PinfricError(
+                f"randomised: scale: no joint {name!r} has friction; {choose_from(name, names)}"
+            )
+        ends = np.asarray(pair, dtype=float) if np.shape(pair) == (2,) else np.full(2, np.nan)
+        if not (0.0 <= ends[0] <= ends[1] < np.inf):
+            raise PinfricError(
+                f"randomised: scale: {name}: should be (low, high), not below 0; found {pair!r}"
+            )
+        out[:, names.index(name)] = ends
+    return out[0], out[1]
 
 
 class _Follower(NamedTuple):
@@ -356,6 +457,19 @@ class _Robot:
         self._way = np.zeros(len(own)) if ways is None else ways.way[ways.of_drive]
         self.builds = self._way > 0.0
         self.share, self.built_up, self._at = np.zeros((3, len(own)))
+        self.factors = np.ones(len(scene.sites))  # on the friction that the callback compiled
+
+    def varied(self, model: Any, factors: np.ndarray) -> _Robot:
+        """The same robot in another model, its joints' friction times factors (ns,)."""
+        other, sites = copy.copy(self), self.scene.sites
+        pairs = zip(sites, factors.tolist(), strict=True)
+        scaled = {site.name: site.friction.scaled(factor) for site, factor in pairs}
+        scene = self.scene.with_coefficients(scaled)
+        assert scene is not None  # an open chain
+        other.scene, other.model, other._tables = scene, model, scene.site_tables
+        other.factors = self.factors * factors
+        other.share, other.built_up, other._at = np.zeros((3, len(self.dofs)))
+        return other
 
     def names(self) -> dict[int, str]:
         """Joints of the model that count, and what follows them -> name."""
@@ -412,7 +526,7 @@ class _Robot:
             np.array([(one.ratio, one.armature) for one in led]).reshape(-1, 2),
         )
         own = self._joint, self.row, self._armature, self._share, self.counts
-        return (*own, *followers)
+        return (*own, *followers, self.factors)
 
     def check_constants(self) -> None:
         """Refuse a model whose armature or damping is no longer what friction wrote."""

@@ -1,7 +1,7 @@
 """The compiled friction that MuJoCo calls is that of `step`, in rollouts and threads, too."""
 
 import shutil
-from contextlib import nullcontext
+from contextlib import ExitStack, nullcontext
 
 import mujoco
 import numpy as np
@@ -192,7 +192,7 @@ def test_another_callback_is_refused_and_ours_is_taken_away():
         finally:
             place(None)
     with (
-        pytest.raises(PinfricError, match="another mjcb_control is set"),
+        pytest.raises(PinfricError, match="this friction is installed already"),
         friction.installed(),
         friction.installed(),
     ):
@@ -247,3 +247,115 @@ def test_what_fails_within_is_said_at_the_end():
     run(friction, mujoco.MjData(friction.model), 1)  # forgotten
     with pytest.raises(PinfricError, match="the time step was changed"):
         change_the_step(friction)
+
+
+def rolled(frictions, controls, threads=3):
+    """Positions at the end of a rollout of each, from rest, by so many threads."""
+    models = frictions.models
+    state = np.empty(mujoco.mj_stateSize(models[0], PHYSICS))
+    mujoco.mj_getState(models[0], mujoco.MjData(models[0]), state, PHYSICS)
+    data = [mujoco.MjData(models[0]) for _ in range(threads)]
+    with frictions.installed():
+        found, _ = rollout(models, data, np.tile(state, (len(models), 1)), controls, chunk_size=1)
+    return found[:, -1, 1 : 1 + models[0].nq]
+
+
+@needs_compiler
+def test_64_randomised_environments_are_64_runs_alone():
+    """In threads, bit by bit; the same seed gives the same; another seed, another motion."""
+    friction, _, controls = a_motion_of(*CASES["slider"]())
+    controls = np.tile(controls[:200], (64, 1, 1))
+
+    def made_of(seed):
+        return friction.randomised(np.random.default_rng(seed), scale=(0.5, 1.5), count=64)
+
+    several = made_of(7)
+    found = rolled(several, controls)
+    assert_array_equal(rolled(made_of(7), controls, threads=2), found)
+    assert (rolled(made_of(8), controls) != found).any(axis=1).all()
+    for k, one in enumerate(several.each):
+        data = mujoco.MjData(one.model)
+        with one.installed():
+            for control in controls[k]:
+                data.ctrl[:] = control
+                mujoco.mj_step(one.model, data)
+        assert_array_equal(data.qpos, found[k])
+    assert len(np.unique(found[:, 0])) > 32
+    assert several.factors.min() >= 0.5
+    assert several.factors.max() <= 1.5
+
+
+@needs_compiler
+def test_a_factor_is_that_of_the_scenes_friction():
+    """Each drawn friction against `step` of a friction made of the scaled scene."""
+    scene, spec = bar(), bar_on_a_floor()
+    friction = pf.mujoco_friction(scene, spec)
+    for one, factor in (
+        (x, f[0]) for d in (friction.randomised(np.random.default_rng(1), count=3),)
+        for x, f in zip(d.each, d.factors, strict=True)
+    ):  # fmt: skip
+        scaled = {"hinge": scene.friction["hinge"].scaled(factor)}
+        wanted = pf.mujoco_friction(scene.with_(friction=scaled), bar_on_a_floor())
+        ends = []
+        for which, compiled in ((wanted, False), (one, False), (one, True)):
+            data = mujoco.MjData(which.model)
+            data.qvel[:] = -0.5
+            with which.installed() if compiled else nullcontext():
+                if not compiled:
+                    which.start(data)
+                for _ in range(200):
+                    mujoco.mj_step(which.model, data) if compiled else which.step(data)
+            ends.append(data.qpos.copy())
+        assert_allclose(ends[1], ends[0], rtol=0, atol=1e-12)
+        assert_allclose(ends[2], ends[0], rtol=0, atol=1e-12)
+
+
+@needs_compiler
+def test_several_frictions_are_installed_by_model():
+    """Of one robot and of others; a model that is not installed is said at the end."""
+    strong = slider().with_(friction={"slide": slider().friction["slide"].scaled(2.0)})
+    frictions = [
+        pf.mujoco_friction(scene, made(scene, 1e-3)) for scene in (slider(), strong, bar())
+    ]
+
+    def run_all(installed, ran):
+        ends = []
+        with ExitStack() as stack:
+            for friction in installed:
+                stack.enter_context(friction.installed())
+            for friction in ran:
+                data = mujoco.MjData(friction.model)
+                data.qvel[:] = 0.3
+                mujoco.mj_step(friction.model, data, 100)
+                ends.append(data.qpos.copy())
+        assert mujoco.get_mjcb_control() is None
+        return ends
+
+    alone = [run_all([friction], [friction])[0] for friction in frictions]
+    assert alone[0] != alone[1]
+    for order in ((0, 1, 2), (2, 1, 0), (1, 0, 2)):
+        picked = [frictions[k] for k in order]
+        for k, end in zip(order, run_all(picked, picked), strict=True):
+            assert_array_equal(end, alone[k])
+    with pytest.raises(PinfricError, match="a model of another friction ran, which was not"):
+        run_all(frictions[:1], frictions[:2])
+    assert_array_equal(run_all(frictions[:1], frictions[:1])[0], alone[0])
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"rng": 3}, r"rng is a int, not a numpy\.random\.Generator"),
+        ({"scale": (1.2, 0.8)}, r"slide: should be \(low, high\)"),
+        ({"scale": 0.3}, r"slide: should be \(low, high\)"),
+        ({"scale": (-0.1, 1.0)}, "not below 0"),
+        ({"scale": {"slid": (0.9, 1.1)}}, "no joint 'slid' has friction; .*slide"),
+        ({"count": 0}, "count: should be a number above 0"),
+    ],
+)
+def test_what_cannot_be_drawn_is_refused(given, message):
+    friction = pf.mujoco_friction(
+        slider(), mujoco.MjModel.from_xml_string(pf.export(slider()).text)
+    )
+    with pytest.raises(PinfricError, match=message):
+        friction.randomised(**({"rng": np.random.default_rng(0)} | given))
