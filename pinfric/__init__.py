@@ -75,6 +75,8 @@ _PUBLIC = {
     "Exported": "pinfric.exporting.export",
     "mujoco_friction": "pinfric.exporting.mujoco_bridge",
     "MujocoFriction": "pinfric.exporting.mujoco_bridge",
+    "excite": "pinfric.identification.excite",
+    "Excitation": "pinfric.identification.excite",
     "identify": "pinfric.identification.identify",
     "Identified": "pinfric.identification.identify",
     "size": "pinfric.sizing.size",
@@ -153,6 +155,8 @@ if TYPE_CHECKING:  # the same names for type checkers, which do not run __getatt
     from pinfric.exporting.export import export as export
     from pinfric.exporting.mujoco_bridge import MujocoFriction as MujocoFriction
     from pinfric.exporting.mujoco_bridge import mujoco_friction as mujoco_friction
+    from pinfric.identification.excite import Excitation as Excitation
+    from pinfric.identification.excite import excite as excite
     from pinfric.identification.identify import Identified as Identified
     from pinfric.identification.identify import identify as identify
     from pinfric.model.scene import Scene as Scene

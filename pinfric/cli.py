@@ -589,6 +589,61 @@ def sweep(
     answer("sweep", summary, tables, as_json, out, files, scene=scene)
 
 
+@app.command(short_help="Write a motion, within limits, whose log will show friction.")
+def excite(
+    scene_name: SceneName,
+    duration: Annotated[
+        float | None, option("Of the motion, about (s); by default 20 a joint.", "SECONDS")
+    ] = None,
+    rate: Annotated[float, option("Of the samples (Hz).", "HZ")] = 250.0,
+    share: Annotated[float, option("Of the URDF's speed and effort limits, used.", "PART")] = 0.8,
+    range_: Annotated[
+        list[str] | None,
+        option("Where a joint may move; at most 90 degrees each way.", "JOINT=LOW:HIGH", "--range"),
+    ] = None,
+    speed: Annotated[
+        list[str] | None, option("Top speed, in place of the share.", "JOINT=SPEED")
+    ] = None,
+    acceleration: Annotated[
+        list[str] | None, option("Largest; else top speed in 0.4 s.", "JOINT=VALUE")
+    ] = None,
+    seed: Annotated[int, option("Of the search.", "N", min=0)] = 0,
+    out: OutFolder = None,
+    as_json: AsJson = False,
+) -> None:
+    """Write a motion whose log will show the friction of each joint, for `identify`.
+
+    All joints move along Fourier series that tell most about friction, then each alone at rising
+    speeds, from rest to rest within all limits. Collisions are not checked. --out writes
+    excitation.csv (samples), excitation.waypoints.yaml (from point to point) and summary.json.
+    """
+    names = "excitation.csv", "excitation.waypoints.yaml", "summary.json"
+    scene, _ = load(scene_name, out=out, names=names)
+    from pinfric.identification.excite import excitation_files, excite
+    from pinfric.model.csv_text import number_of
+    from pinfric.show.report.excite import excite_report, verdict
+
+    def span(text: str) -> tuple[float, float]:
+        low, _, high = text.partition(":")
+        return number_of(low), number_of(high)
+
+    with working("searching a motion"):
+        found = excite(
+            scene,
+            duration=duration,
+            rate=rate,
+            share=share,
+            ranges=pairs(range_, "--range", span),
+            speeds=pairs(speed, "--speed", number_of),
+            accelerations=pairs(acceleration, "--acceleration", number_of),
+            seed=seed,
+        )
+    report = partial(excite_report, found, out is not None)
+    files = excitation_files(found)
+    said = partial(verdict, found)
+    answer("excite", found.summary, report, as_json, out, files, verdict=said, scene=scene)
+
+
 @app.command(short_help="Identify friction from a robot's own logs, with intervals.")
 @takes_logs
 def identify(
@@ -990,6 +1045,7 @@ _RESULTS = {
     "stop": "stops.study StopSummary",
     "retime": "retiming.summary RetimeSummary",
     "sweep": "sweeps.summary SweepSummary",
+    "excite": "identification.excite ExciteSummary",
     "identify": "identification.summary IdentifySummary",
     "replay": "show.replay.replay Replay",
     "check": "checking.findings CheckReport",

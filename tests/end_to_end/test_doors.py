@@ -31,6 +31,7 @@ CLASSES = {
     "Exported",
     "Elasticity",
     "MujocoFriction",
+    "Excitation",
     "Identified",
     "SizingReport",
     "StopResult",

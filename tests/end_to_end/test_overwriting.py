@@ -47,6 +47,7 @@ stop arm.yaml way.yaml  way.yaml  report.html stop.png stop.pdf summary.json
 retime arm.yaml way.yaml  way.yaml  trajectory.csv retime.png retime.pdf summary.json
 retime arm.yaml log.csv --motors motors.yaml  log.csv motors.yaml  trajectory.csv
 sweep arm.yaml way.yaml sweep.yaml  sweep.yaml way.yaml  sweep.png sweep.pdf summary.json
+excite arm.yaml  -  excitation.csv excitation.waypoints.yaml summary.json
 identify arm.yaml log.csv --columns columns.yaml  columns.yaml log.csv  scene.yaml posterior.csv
 identify arm.yaml log.csv  log.csv  sweep.yaml report.html advice.waypoints.yaml robot.urdf
 identify arm.yaml log.csv --held-out way.yaml  log.csv way.yaml  summary.json

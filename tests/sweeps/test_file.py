@@ -125,8 +125,8 @@ parameters: {{}}                     `parameters`
 condtions: {{}}                      'conditions'?
 motors: {{slidr: {{drive: "{DRIVE}"}}}}  'slide'?
 motors: {{slide: {{}}}}              `motors.slide.drive`
-motors: {{slide: {{drive: D, peak_torque: 1}}}}  removed; name a `drive`
-motors: {{slide: {{motor: M}}}}      removed; name a `drive`
+motors: {{slide: {{drive: D, peak_torque: 1}}}}  there are: drive
+motors: {{slide: {{motor: M}}}}      there are: drive
 motors: {{slide: {{drive: no such}}}}  the catalogue has no drive 'no such'
 pinfric_sweep: 2                     pinfric_sweep
 """
