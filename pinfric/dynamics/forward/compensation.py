@@ -18,7 +18,7 @@ since the last call moves: z <- clip(z + dq/way, -1, 1) (`notebooks/theory/compe
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -124,6 +124,60 @@ class CompensationOptions:
         desired, measured = rows[[0, 1, 2, 3, 4, 5, 7, 8]], rows[[6, 6, 2, 3, 4, 5, 7, 8]]
         desired[6] = ways_of_drives(scene)
         return desired, measured
+
+
+#: Noise that options may pass on: changes of the direction from peak to peak in the measured mode
+#: and of a hold, and standard deviations of the velocity within the hold's band.
+_MEASURED_NOISE, _HOLD_NOISE, _DEVIATIONS = 0.05, 0.2, 5.0
+#: Fewest samples at rest.
+_AT_REST = 100
+
+
+def quiet_options(
+    scene: Scene, moved: np.ndarray, v_now: np.ndarray, options: CompensationOptions
+) -> CompensationOptions:
+    """Return options whose bands are wide enough for the noise of a record at rest.
+
+    measured_way >= ptp(q)/0.05, hold_error >= 2.25 ptp(q)/0.2, hold_velocity >= 5 sd(v): so noise
+    moves the measured mode's direction by at most 5 %, a hold's by at most 20 % of friction from
+    peak to peak, and takes 8 % of break-away away at one standard deviation.
+
+    Args:
+        scene: of the compensator.
+        moved: (T, nv) measured positions less the first. v_now: (T, nv) measured velocities.
+        options: others are kept; a wider band, too. A hold_error of 0 stays 0 (off).
+
+    Raises:
+        StateError: too few samples, not finite, or the robot moved.
+    """
+    if len(moved) < _AT_REST:
+        raise StateError(
+            f"options_at_rest: {len(moved)} samples; give a second at rest, at least {_AT_REST}"
+        )
+    names, tenth = freedom_names(scene), len(moved) // 10
+    for what, values in (("q", moved), ("v_now", v_now)):
+        if not (good := np.isfinite(values)).all():
+            k, i = np.argwhere(~good)[0]
+            raise StateError(f"options_at_rest: {what}: {names[i]!r}: not finite in sample {k}")
+    drift = np.abs(moved[-tenth:].mean(axis=0) - moved[:tenth].mean(axis=0))
+    counts = np.array([np.unique(column).size for column in moved.T])
+    gone = (drift > 0.5 * np.ptp(moved, axis=0)) & (counts > 3)  # else two counts of an encoder
+    if gone.any():
+        i = int(np.argmax(gone))
+        raise StateError(
+            f"options_at_rest: {names[i]!r} moved by {drift[i]:.3g} rad or m from the first to the "
+            "last tenth: record it at rest, with the brakes closed if it has any"
+        )
+    rate, table = rate_rows(scene.drives, scene.model.nv), options.table(scene)
+    places, speeds = moved @ rate.T, v_now @ rate.T
+    jumps = np.ptp(places, axis=0)
+    hold = np.where(table[3] > 0.0, np.maximum(table[3], 2.25 * jumps / _HOLD_NOISE), 0.0)
+    return replace(
+        options,
+        measured_way=np.maximum(table[7], jumps / _MEASURED_NOISE),
+        hold_error=hold,
+        hold_velocity=np.maximum(table[8], _DEVIATIONS * speeds.std(axis=0)),
+    )
 
 
 def ways_of_drives(scene: Scene) -> np.ndarray:

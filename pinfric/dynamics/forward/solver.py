@@ -17,6 +17,7 @@ from itertools import product
 from typing import Any, NamedTuple
 
 import numpy as np
+import pinocchio as pin
 
 from pinfric.dynamics.derivatives.derivatives import (
     Differentiator,
@@ -35,6 +36,7 @@ from pinfric.dynamics.forward.compensation import (
     check_used,
     compensate_sample,
     make_compensated,
+    quiet_options,
     reach,
 )
 from pinfric.dynamics.forward.forward import Instant, solution, solve_checked, solve_state
@@ -51,6 +53,7 @@ from pinfric.dynamics.samples.states import States, one_of, vector
 from pinfric.errors import PinfricError, StateError, one_line
 from pinfric.kernels.compiled import compile_for, compiling, entry_point, kernel
 from pinfric.kernels.records import record
+from pinfric.model.arrays import real_numbers
 from pinfric.model.drives import Gears, joint_effort_ends, write_motor_torques
 from pinfric.model.entry import parse
 from pinfric.model.magnitudes import LARGEST_OF_A_MOTION
@@ -834,6 +837,43 @@ class Solver:
             )
         check_finite(self.scene, (out[None], out[None]), 0)
         raise AssertionError
+
+    def options_at_rest(
+        self,
+        q: np.ndarray,
+        v_now: np.ndarray,
+        options: CompensationOptions = _DEFAULT,
+    ) -> CompensationOptions:
+        """Return options whose bands are wide enough for the noise of a recorded second at rest.
+
+        measured_way >= 20 ptp(q), hold_error >= 11.25 ptp(q) where there is a hold, hold_velocity >=
+        5 sd(v_now): noise then moves the compensation by at most 5 % of the friction in
+        `compensate_measured` and 20 % in a hold, from peak to peak, beside viscous x ptp(v_now).
+
+        Args:
+            q: (T, nq) measured positions, each cycle, as they go into the calls.
+            v_now: (T, nv) measured velocities, low-passed as they go into the calls.
+            options: what else they hold stays; so do bands that are wider.
+
+        Returns:
+            With one number for each drive.
+
+        Raises:
+            StateError: less than 100 samples, a value that is not finite, a robot that moved.
+        """
+        model = self.scene.model
+        positions, speeds = (
+            np.atleast_2d(real_numbers(name, x)) for name, x in (("q", q), ("v_now", v_now))
+        )
+        for name, rows, width in (("q", positions, model.nq), ("v_now", speeds, model.nv)):
+            if rows.shape != (len(positions), width):
+                raise StateError(
+                    f"options_at_rest: {name}: shape {rows.shape}; should be (T, {width}), as many "
+                    "samples of both"
+                )
+        first = positions[0]
+        moved = np.array([pin.difference(model, first, row) for row in positions])
+        return quiet_options(self.scene, moved, speeds, options)
 
     def reset_compensation(self) -> None:
         """Forget in which direction the joints moved, as after a stop of the controller.

@@ -291,3 +291,51 @@ def test_feed_forward_along_a_motion_is_inverse_dynamics_with_its_history():
     assert np.median(apart / scale) < 1e-12
     assert (apart / scale).max() < 2e-3
     assert result.presliding.lower[judged].min() < -0.9 < 0.9 < result.presliding.upper.max()
+
+
+def test_a_second_at_rest_says_how_wide_the_bands_must_be():
+    """With them noise moves the compensation by 5 % of friction, or 20 % in a hold; by the law."""
+    solver, rng = joint_that_yields(), np.random.default_rng(3)
+    noise = 0.3 + 4e-4 * rng.uniform(-1.0, 1.0, (1000, 1))
+    speed = 0.03 * rng.normal(size=(1000, 1))
+    hold = CompensationOptions(hold_error=1e-4, viscous_scale=0.0)
+    found = solver.options_at_rest(noise, speed, hold)
+    assert found.measured_way == pytest.approx(20.0 * np.ptp(noise))
+    assert found.hold_velocity == pytest.approx(5.0 * speed.std())
+    assert found.scale == 1.0
+
+    def swing(options):
+        out = [
+            solver.compensate(
+                [0.3], None, None, [0.0], error=0.3 - q, v_now=[0.0], options=options
+            )[0]
+            for q in noise
+        ]
+        return np.ptp(out) / 10.0
+
+    assert swing(found) < 0.21 < 1.5 < swing(hold)
+    still, off = np.zeros((1000, 1)), CompensationOptions()
+    solver.reset_compensation()
+    measured = solver.options_at_rest(noise, still)
+    assert measured.hold_error == 0.0
+    for options, least, most in ((measured, 0.03, 0.0501), (off, 0.2, 1.0)):
+        solver.reset_compensation()
+        out = [solver.compensate_measured(q, [0.0], options=options)[0] for q in noise]
+        assert least <= np.ptp(out) / (0.8 * 10.0) <= most
+    quiet = solver.options_at_rest(0.3 + still, still)
+    assert (quiet.measured_way, quiet.hold_velocity) == (off.table(solver.scene)[7], 0.02)
+
+
+@pytest.mark.parametrize(
+    ("q", "v", "message"),
+    [
+        (np.zeros((50, 1)), np.zeros((50, 1)), "50 samples; give a second at rest"),
+        (np.zeros((200, 2)), np.zeros((200, 1)), r"q: shape \(200, 2\); should be \(T, 1\)"),
+        (np.zeros((200, 1)), np.zeros((100, 1)), r"v_now: shape \(100, 1\)"),
+        (np.zeros((200, 1)), np.full((200, 1), np.nan), "v_now: .* not finite in sample 0"),
+        (np.linspace(0.0, 0.1, 200)[:, None], np.zeros((200, 1)), "moved by 0.0905 rad or m"),
+    ],
+)
+def test_a_record_that_is_not_of_rest_is_refused(q, v, message):
+    with pytest.raises(StateError, match=message):
+        joint_that_yields().options_at_rest(q, v)
