@@ -24,7 +24,7 @@ _P, _R, _V, _A, _F, _ROWS = 0, 3, 12, 18, 24, 30
 #: Numbers of a joint: rotation and position in its parent; mass, center, and inertia about that.
 _PLACED, _AT, _MASS, _CENTER, _INERTIA, _NUMBERS = 0, 9, 12, 13, 16, 22
 #: Rows of what a joint of one degree gets: half its angle or its distance; rates; sine, cosine.
-_PLACE, _RATE, _ACCELERATION, _SINE, _COSINE, _GIVEN = 0, 1, 2, 3, 4, 5
+_PLACE, _RATE, _ACCELERATION, _SINE, _COSINE = 0, 1, 2, 3, 4
 
 
 class Links(NamedTuple):
@@ -226,16 +226,6 @@ def _sine_cosine(given: Any) -> None:
 
 
 @kernel
-def _write_sine_cosine(given: np.ndarray) -> None:
-    """Write sine and cosine of angles of any size."""
-    _sine_cosine(given)
-    for lane in range(LANES):
-        if not abs(given[_PLACE, lane]) <= _LARGEST_ANGLE:
-            given[_SINE, lane] = np.sin(given[_PLACE, lane])
-            given[_COSINE, lane] = np.cos(given[_PLACE, lane])
-
-
-@kernel
 def write_reactions(
     q: np.ndarray,
     v: np.ndarray,
@@ -251,16 +241,17 @@ def write_reactions(
         wrench: (n, nj, 6), N and N m, overwritten.
     """
     n, nj = q.shape[0], joints.kind.size
-    rows, given = np.zeros((1 + nj, _ROWS, LANES)), np.empty((_GIVEN, LANES))
-    for lane in range(LANES):
-        for e in range(3):
-            rows[0, _A + e, lane] = -tree.gravity[e]
+    rows = np.empty((nj + 2, _ROWS, LANES))  # the ground, the joints, then what one is given
+    given = rows[nj + 1]
+    for e in range(_ROWS):
+        for lane in range(LANES):
+            rows[0, e, lane] = -tree.gravity[e - _A] if _A <= e < _A + 3 else 0.0
     for first in range(0, n, LANES):
         for j in range(nj):
             k, iq, iv, own = joints.kind[j], joints.q_index[j], joints.v_index[j], rows[1 + j]
             ratio, shift, components = joints.ratio[j], joints.shift[j], joints.components[j]
             for lane in range(LANES):
-                i = min(first + lane, n - 1)
+                i = first + lane if first + lane < n else n - 1
                 if k > CONTINUOUS:
                     state = own[_P:, lane], own[_V:, lane], own[_A:, lane]
                     embed_many(k, q[i, iq:], v[i, iv:], a[i, iv:], components, *state)
@@ -274,12 +265,16 @@ def write_reactions(
             if k == PRISMATIC:
                 _slide(joints.axis[j], given, own)
             elif k <= CONTINUOUS:
-                _write_sine_cosine(given)
+                _sine_cosine(given)
+                for lane in range(LANES):
+                    if not abs(given[_PLACE, lane]) <= _LARGEST_ANGLE:
+                        given[_SINE, lane] = np.sin(given[_PLACE, lane])
+                        given[_COSINE, lane] = np.cos(given[_PLACE, lane])
                 _turn(joints.axis[j], given, own)
             _outwards(tree.numbers[j], rows[1 + tree.parents[j]], own)
         for j in range(nj - 1, -1, -1):
             _inwards(rows[1 + tree.parents[j]], rows[1 + j])
-        for lane in range(min(LANES, n - first)):
+        for i in range(first, n if n - first < LANES else first + LANES):
             for j in range(nj):
                 for e in range(6):
-                    wrench[first + lane, j, e] = rows[1 + j, _F + e, lane]
+                    wrench[i, j, e] = rows[1 + j, _F + e, i - first]

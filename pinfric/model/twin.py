@@ -15,7 +15,7 @@ import numpy as np
 import pinocchio as pin
 
 from pinfric.errors import RobotError
-from pinfric.kernels.compiled import kernel
+from pinfric.kernels.compiled import kernel, late_kernel
 from pinfric.model.kinematics import rotation
 from pinfric.model.spring_forces import Springs
 
@@ -243,7 +243,7 @@ def embed(
             q_twin[i, p + 6] = cosine
 
 
-@kernel
+@late_kernel("joints of several degrees")
 def embed_many(
     kind: int,
     q: np.ndarray,
