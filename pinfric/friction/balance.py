@@ -97,6 +97,12 @@ class Balance(NamedTuple):
         inverse = inverse @ rows
         return cls(rows * size, -inverse @ rate, np.abs(inverse) @ terms)
 
+    @property
+    def each_alone(self) -> bool:
+        """Whether every friction has an equation of its own."""
+        entries = self.rows != 0.0
+        return bool((entries.sum(axis=0) == 1).all() and (entries.sum(axis=1) == 1).all())
+
     def eliminate(self, unit: np.ndarray, unlimited: np.ndarray) -> Shared:
         """Solve for the friction of the joints with the largest limits.
 

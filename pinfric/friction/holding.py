@@ -12,8 +12,8 @@ import numpy as np
 
 from pinfric.friction.balance import Balance
 from pinfric.friction.branching import MOST_NODES, prove
-from pinfric.friction.law import stick_limits
-from pinfric.friction.least_use import descend, make_rest
+from pinfric.friction.law import evaluate, stick_limits
+from pinfric.friction.least_use import NOISE, descend, make_rest
 from pinfric.friction.problem import Problem
 from pinfric.friction.sharing import joint_sizes, share
 
@@ -67,6 +67,8 @@ def decide(
     balance = balance or Balance.of_rates(problem, factor, resting, slope)
     if balance is None:
         return Verdict(False, np.inf, np.full(len(at_rest), np.nan), True, True)
+    if balance.each_alone:
+        return _decide_alone(problem, resting, balance)
     narrow, wide, planar, certain = make_rest(problem, resting, balance)
     # 1. the search
     z = np.zeros(wide.N.shape[1])
@@ -100,6 +102,25 @@ def decide(
     x = np.zeros(len(at_rest))
     x[resting] = wide.unit * (wide.x0 + wide.N @ z)
     return Verdict(held, use, x, proved, least)
+
+
+def _decide_alone(problem: Problem, resting: np.ndarray, balance: Balance) -> Verdict:
+    """The verdict where equilibrium leaves one friction, each equation its own: open chains."""
+    x, noise, load = (
+        np.zeros(len(problem.rate_free)),
+        np.zeros(len(resting)),
+        problem.constant.copy(),
+    )
+    rows, columns = np.nonzero(balance.rows)
+    entry = balance.rows[rows, columns]
+    x[resting[columns]] = balance.need[rows] / entry
+    noise[columns] = NOISE * balance.terms[rows] / np.abs(entry)
+    (below, above, rate), load = np.empty((3, len(x))), np.empty(len(problem.constant))
+    evaluate(problem, x, load, rate)
+    stick_limits(problem, load, below, above)
+    limit = np.where(x > 0.0, above, -below)[resting]
+    use = float((np.abs(x[resting]) / np.maximum(np.maximum(limit, noise), 1e-300)).max())
+    return Verdict(use <= 1.0, use, x, True, True)
 
 
 def least_possible_use(

@@ -23,7 +23,7 @@ from pinfric.kernels.compiled import kernel
 
 #: Rounding of friction, relative to the terms that it balances; and of its unit, relative to the
 #: terms that rates are the sum of.
-_NOISE, _LEAST_UNIT = 1e-12, 1e-15
+NOISE, _LEAST_UNIT = 1e-12, 1e-15
 #: Descent ends if a program leaves more than this share of the use, or after so many programs.
 _STAYS, _PROGRAMS = 1.0 - 1e-9, 60
 #: Where friction can wedge itself, frictions up to this many times the limits are searched.
@@ -102,9 +102,9 @@ def make_rest(
         # a gear that locks may have no limit one way, and 0 the other: neither is a unit
         endless = np.isinf(unit) | (unlimited & (unit < natural))
         unit[endless] = np.maximum(np.abs(x), natural)[endless]
-        unit = np.maximum(unit, _NOISE * natural)
+        unit = np.maximum(unit, NOISE * natural)
         positive = unit[unit > 0.0]
-        unit[unit == 0.0] = _NOISE * positive.max() if positive.size else 1.0
+        unit[unit == 0.0] = NOISE * positive.max() if positive.size else 1.0
         shared = balance.eliminate(unit, unlimited)
         free = shared.free
         if start is None:
@@ -129,7 +129,7 @@ def make_rest(
     certain = not C[:, 1:][:, unlimited & ~shared.follows].any()
     certain = certain and spectral_radius_bound(C[:, 1:].copy(), np.empty(n)) < 1.0 - 1e-3
     box = np.linalg.solve(np.eye(n) - C[:, 1:], C[:, 0]) if certain else np.zeros(n)
-    least = np.maximum(_NOISE * shared.noise / unit, _LEAST_UNIT)
+    least = np.maximum(NOISE * shared.noise / unit, _LEAST_UNIT)
     uses = np.abs(x / unit)[~unlimited]
     wide = np.maximum(box, max(_WEDGED, 2.0 * float(uses.max(initial=0.0))))
     wide[shared.follows] = np.inf
