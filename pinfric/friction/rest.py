@@ -349,17 +349,17 @@ class _Shared:
             block = self.mechanism.block[group]
             near = x[group] if self.follows_loads else np.zeros(len(group))
             way = np.where(near != 0.0, near, towards)
-            limit = np.where(way > 0.0, self.most[group], -self.least[group])
-            used = joint_sizes(near, block)
+            limits = np.array([self.most[group], -self.least[group]])
+            limit, used = np.where(way > 0.0, *limits), joint_sizes(near, block)
             most = float((used / np.where(limit > 0.0, limit, np.inf)).max())
             owner, slope = p.coordinate[p.contact_entry], np.zeros((len(x), len(x)))  # of limits
             add_load_slopes(p.contact, owner, p.grip[p.contact_entry], x, slope)
             slope = min(most, 1.0) * slope[np.ix_(group, group)]
             if len(A) == 1 and self.follows_loads:
-                new[group] = share_one(A, b, limit, slope, block)
+                new[group] = share_one(A, b, limits, slope, block)
                 continue
             new[group], self.speeds[i] = share_nearby(
-                A, b, limit, slope, near, block, self.speeds[i]
+                A, b, limits, slope, near, block, self.speeds[i]
             )
         return new
 

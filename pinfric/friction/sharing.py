@@ -10,8 +10,11 @@ from pinfric.friction.balance import RANK, inverse_of
 from pinfric.friction.dense import solve_semidefinite
 from pinfric.kernels.compiled import call_compiled, kernel
 
-#: A joint this much slower than the others (relative) does not take part in the motion w.
-_SMOOTH = 1e-6
+#: A joint this much slower than the others (relative) does not take part in the motion w; with
+#: limits that differ by the side kinks are sharper, for one that is decades above the others.
+_SMOOTH, _SHARPER = 1e-6, 1e-8
+#: Up to so much slower a joint may rest in the motion.
+_RESTS = 1e-5
 #: Passes of Newton's method; what it may leave of the gradient, relative: at the least it leaves
 #: 1e-9, where a kink beside its start keeps it 1e-3 or more.
 _NEWTON_PASSES, _STATIONARY = 40, 1e-5
@@ -56,20 +59,26 @@ def share(
     Args:
         A: (r, n) of rank r.
         b: (r,).
-        limit: (n,) static limit the way x points.
+        limit: (n,) static limits, or (2, n): of x > 0 and of x < 0.
         block: (n,) joint of each column; |.| is over the columns of a joint.
         speeds: (n,) A^T w of a similar problem, near which to start; None: anywhere.
 
     Returns:
         x (n,), the least squares solution where nothing can hold; w (r,).
     """
-    size = float(np.linalg.norm(b))
-    if size == 0.0 or not limit.any():
+    size, limits = float(np.linalg.norm(b)), np.array(np.broadcast_to(limit, (2, len(block))))
+    if size == 0.0 or not limits.any():
         return np.asarray(np.linalg.lstsq(A, b, rcond=RANK)[0]), b
     same = np.equal.outer(block, block).astype(float)
-    # with one freedom w is known
-    w = b / size if len(b) == 1 else _weakest(A, b / size, limit, block, speeds)
-    rounding = _SMOOTH * np.sqrt(same @ (A**2).sum(axis=0))
+    fastest = np.sqrt(same @ (A**2).sum(axis=0))
+    w = b / size  # with one freedom it is known
+    differ = bool((limits[0] != limits[1]).any())
+    if len(b) > 1:
+        w = _weakest(A, b / size, limits, block, speeds, _SHARPER if differ else _SMOOTH)
+    limit = limit_towards(limits, A.T @ w, _RESTS * fastest * np.linalg.norm(w))
+    if len(b) > 1 and differ:
+        w = _weakest(A, b / size, np.array([limit, limit]), block, A.T @ w)
+    rounding = _SMOOTH * fastest
     # as the root: weights differ by 1e12 where one limit is more than any, squares lose directions
     root = np.sqrt(limit / np.sqrt(same @ (A.T @ w) ** 2 + rounding**2 + 1e-300))
     scaled, x = A * root, np.zeros(len(limit))
@@ -112,6 +121,12 @@ def share_nearby(
     return back @ y - offset, along.T @ w
 
 
+def limit_towards(limits: np.ndarray, y: np.ndarray, least: np.ndarray | float) -> np.ndarray:
+    """Return the limits (n,), of (2, n), on the side of speeds y (n,); the larger up to `least`."""
+    side = np.where(y > 0.0, limits[0], limits[1])
+    return np.where(np.abs(y) <= least, limits.max(axis=0), side)
+
+
 def joint_sizes(x: np.ndarray, block: np.ndarray) -> np.ndarray:
     """Return for every column (n,) the length of x over the columns of its joint."""
     return np.asarray(np.sqrt(np.equal.outer(block, block) @ x**2))
@@ -139,7 +154,8 @@ def share_one(
     call_compiled(_along_one, direct, np.ascontiguousarray(slope.T), block, z)
     same = np.equal.outer(block, block)
     size = np.sqrt(same @ z**2 + (_SMOOTH * np.abs(z).max()) ** 2)
-    x = limit * z / np.where(size > 0.0, size, 1.0)
+    towards = limit_towards(np.broadcast_to(limit, (2, len(z))), z, 0.0)
+    x = towards * z / np.where(size > 0.0, size, 1.0)
     total = float(A[0] @ x)
     return x * (b[0] / total) if total * b[0] > 0.0 else np.asarray(direct * abs(b[0]))
 
@@ -182,9 +198,10 @@ def _along_one(direct: np.ndarray, gain: np.ndarray, block: np.ndarray, z: np.nd
 def _weakest(
     A: np.ndarray,
     b: np.ndarray,
-    limit: np.ndarray,
+    limits: np.ndarray,
     block: np.ndarray,
     speeds: np.ndarray | None,
+    sharpest: float = _SMOOTH,
 ) -> np.ndarray:
     """Motion w (r,), b^T w = 1, |b| = 1, of least resistance: Newton, kinks rounded ever less.
 
@@ -201,29 +218,30 @@ def _weakest(
         w = np.linalg.lstsq((A / slow).T, speeds / slow, rcond=1e-14)[0]
         if float(w @ b) > 0.0:
             u[:] = axes[:, 1:].T @ w / float(w @ b)
-            if call_compiled(least_resistance, rotated, limit, block, _SMOOTH, u):
+            if call_compiled(least_resistance, rotated, limits, block, sharpest, u):
                 return np.asarray(axes @ np.append(1.0, u))
             u[:] = 0.0
-    for smooth in 10.0 ** np.arange(-1, np.log10(_SMOOTH) - 0.5, -1):
-        call_compiled(least_resistance, rotated, limit, block, float(smooth), u)
+    for smooth in 10.0 ** np.arange(-1, np.log10(sharpest) - 0.5, -1):
+        call_compiled(least_resistance, rotated, limits, block, float(smooth), u)
     return np.asarray(axes @ np.append(1.0, u))
 
 
 @kernel
 def least_resistance(
-    A: np.ndarray, limit: np.ndarray, block: np.ndarray, smooth: float, u: np.ndarray
+    A: np.ndarray, limits: np.ndarray, block: np.ndarray, smooth: float, u: np.ndarray
 ) -> bool:
     """Lower sum limit |y| over joints, y = A^T (1, u), from u on by Newton's method.
 
     |y|^2 is summed over the columns of a joint. Return whether the resistance is least.
 
     Args:
-        A: (1 + d, n). limit: (n,), alike for the columns of a joint.
+        A: (1 + d, n).
+        limits: (2, n) of y > 0 and of y < 0, alike for the columns of a ball.
         block: (n,) joint of each column.
         smooth: roundness of the kinks, relative to the largest speeds with |(1, u)| = 1.
         u: (d,), overwritten.
     """
-    d, n = u.size, limit.size
+    d, n = u.size, block.size
     rounding, y, speed = np.empty(n), np.empty(n), np.empty(n)
     for k in range(n):
         square = 0.0
@@ -233,9 +251,9 @@ def least_resistance(
         rounding[k] = smooth * np.sqrt(square) + 1e-300
     slope, H = np.empty(1 + d), np.empty((d, d))
     step, trial = np.empty(d), np.empty(d)
-    least = _resistance(A, limit, block, rounding, u, y, speed)
+    least = _resistance(A, limits, block, rounding, u, y, speed)
     for _ in range(_NEWTON_PASSES):
-        _write_slope(A, limit, block, y, speed, slope, H)
+        _write_slope(A, limits, block, y, speed, slope, H)
         for i in range(d):
             step[i] = slope[1 + i]
         solve_semidefinite(H, step)
@@ -244,13 +262,16 @@ def least_resistance(
             damping *= 0.5
             for i in range(d):
                 trial[i] = u[i] - damping * step[i]
-            least = _resistance(A, limit, block, rounding, trial, y, speed)
+            least = _resistance(A, limits, block, rounding, trial, y, speed)
+        if least > before:
+            least = _resistance(A, limits, block, rounding, u, y, speed)
+            break
         for i in range(d):
             u[i] = trial[i]
             size, far = max(size, abs(u[i])), max(far, abs(step[i]))
         if far <= 1e-13 * size or damping <= 1e-6:
             break
-    _write_slope(A, limit, block, y, speed, slope, H)
+    _write_slope(A, limits, block, y, speed, slope, H)
     across = 0.0
     for i in range(d):
         across += slope[1 + i] * slope[1 + i]
@@ -260,7 +281,7 @@ def least_resistance(
 @kernel
 def _resistance(
     A: np.ndarray,
-    limit: np.ndarray,
+    limits: np.ndarray,
     block: np.ndarray,
     rounding: np.ndarray,
     u: np.ndarray,
@@ -279,14 +300,15 @@ def _resistance(
             if block[j] == block[k]:
                 square, number = square + y[j] * y[j], number + 1
         speed[k] = np.sqrt(square)
-        total += limit[k] * speed[k] / number
+        above, below = limits[0, k], limits[1, k]  # below |y| + (above - below) max(y, 0)
+        total += 0.5 * ((above + below) * speed[k] + (above - below) * y[k]) / number
     return total
 
 
 @kernel
 def _write_slope(
     A: np.ndarray,
-    limit: np.ndarray,
+    limits: np.ndarray,
     block: np.ndarray,
     y: np.ndarray,
     speed: np.ndarray,
@@ -299,9 +321,10 @@ def _write_slope(
     slope[:] = 0.0
     H[:] = 0.0
     for k in range(n):
-        weight, first = limit[k] / speed[k], True
+        weight, first = 0.5 * (limits[0, k] + limits[1, k]) / speed[k], True
+        push = weight * y[k] + 0.5 * (limits[0, k] - limits[1, k])
         for i in range(r):
-            slope[i] += weight * y[k] * A[i, k]
+            slope[i] += push * A[i, k]
             for j in range(1, r if i > 0 else 0):
                 H[i - 1, j - 1] += weight * A[i, k] * A[j, k]
         for j in range(k):

@@ -36,6 +36,35 @@ def test_a_load_is_shared_with_the_least_largest_use(seed, started):
     assert least * (1 - 1e-9) <= (np.abs(x) / limit).max() <= least * (1 + 1e-3)
 
 
+@pytest.mark.parametrize("seed", range(40))
+def test_limits_that_differ_by_the_side_are_used_the_least(seed):
+    """Against the linear program; where a gear locks itself one side has no limit, the other 0.
+
+    The side was that of the last pass, so passes jumped between two.
+    """
+    rng = np.random.default_rng(seed)
+    r, n = int(rng.integers(1, 4)), int(rng.integers(4, 7))
+    A, b = np.linalg.qr(rng.normal(size=(n, r)))[0].T, rng.normal(size=r)
+    limits = rng.uniform(0.2, 2.0, (2, n))
+    locks, free = rng.permutation(n)[:2]
+    way = int(rng.integers(2))
+    limits[way, locks], limits[1 - way, locks] = 1e5, 0.0
+    limits[int(rng.integers(2)), free] *= 100.0
+    x, _ = share(A, b, limits, np.arange(n))
+    np.testing.assert_allclose(A @ x, b, atol=1e-11)
+    rows = [np.hstack([s * np.eye(n), -limits[k][:, None]]) for k, s in enumerate((1.0, -1.0))]
+    least = linprog(
+        np.r_[np.zeros(n), 1.0],
+        np.vstack(rows),
+        np.zeros(2 * n),
+        np.hstack([A, np.zeros((r, 1))]),
+        b,
+        (None, None),
+    ).fun
+    over = np.maximum(x - least * limits[0], -x - least * limits[1])
+    assert over.max() <= 1e-9 * max(1.0, least)
+
+
 @pytest.mark.parametrize("sign", [None, -1.0])
 def test_the_slope_of_what_rests_is_inverted_where_it_moves_anything(sign):
     """Two directions of motion, one of two columns: against the pseudo-inverse of the slope."""
@@ -89,7 +118,7 @@ def test_the_motion_of_least_resistance_is_that_of_newton_s_method_on_matrices(s
     limit = 10.0 ** rng.uniform(-3, 3, 6)[block]
     u, w = np.zeros(d), np.eye(1, 1 + d)[0]
     for smooth in (1e-1, 1e-2, 1e-3):
-        call_compiled(least_resistance, A, limit, block, smooth, u)
+        call_compiled(least_resistance, A, np.array([limit, limit]), block, smooth, u)
         at = rounded_resistance(A, limit, block, smooth)
         for _ in range(100):
             value, slope, H = at(w)
