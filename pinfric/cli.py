@@ -182,7 +182,18 @@ def inverse(
         files |= pictures(tool=lambda: tool_figure(elastic, name))
     report = partial(inverse_report, result, summary, judged, run.verbose)
     said = partial(verdict, result, summary)
-    answer("inverse", summary, report, as_json, out, files, verdict=said, scene=scene, judged=True)
+    answer(
+        "inverse",
+        summary,
+        report,
+        as_json,
+        out,
+        files,
+        verdict=said,
+        scene=scene,
+        judged=True,
+        outdated=names,
+    )
 
 
 @app.command()
@@ -391,7 +402,7 @@ def size(  # noqa: PLR0913 - options
         name="sizing.json",
         scene=report.given,
         judged=True,
-        outdated=("report.html", *CHOSEN),
+        outdated=names,
     )
     report.check()  # what does not fit is the last line, and the exit code (2)
 
@@ -680,9 +691,9 @@ def identify(
     --out writes scene.yaml, robot.urdf, posterior.csv, sweep.yaml, report.html, summary.json and
     advice.waypoints.yaml.
     """
-    names = "scene.yaml", "robot.urdf", "posterior.csv", "sweep.yaml", "advice.waypoints.yaml"
-    pages, later = ("report.html", "summary.json"), [*logs, *(held_out or ()), log.columns]
-    scene, _ = load(scene_name, out=out, names=(*names, *pages), later=later)
+    texts = "scene.yaml", "robot.urdf", "posterior.csv", "sweep.yaml", "advice.waypoints.yaml"
+    names, later = (*texts, "report.html", "summary.json"), [*logs, *(held_out or ()), log.columns]
+    scene, _ = load(scene_name, out=out, names=names, later=later)
     from dataclasses import replace
 
     from pinfric.identification.files import identified_files
@@ -716,7 +727,9 @@ def identify(
     }
     tables = partial(identify_report, identified, summary, run.verbose, out is not None)
     said = partial(verdict, summary)
-    answer("identify", summary, tables, as_json, out, files, verdict=said, scene=scene)
+    answer(
+        "identify", summary, tables, as_json, out, files, verdict=said, scene=scene, outdated=names
+    )
 
 
 @app.command()

@@ -214,7 +214,8 @@ def estimate(question: Question, progress: Callable[[int, int], object]) -> Esti
         result.gravity = gravity_scales(scene, result.prepared, result.rows)
         if holds_no_gravity(result.gravity):
             del result
-            return estimate(replace(question, no_gravity=True), progress)
+            ahead = after(progress, len(question.recordings))
+            return estimate(replace(question, no_gravity=True), ahead)
         if question.keep_inertias:
             check_gravity(scene, result.gravity, question.gains)
     check_efforts(scene, result.rows, question.gains)
@@ -223,11 +224,12 @@ def estimate(question: Question, progress: Callable[[int, int], object]) -> Esti
         _find_ways(result)
     if not result.builds_up:
         _find_delay(result)
+    total = 2 * steps if result.builds_up else steps  # `identify` then fits without ways, too
     _fit(result, plain)
     for number in range(4):
         if number >= 2 and not any(law.stribeck_slots for law in result.choice.laws):
             break  # only the speeds at which friction falls take longer
-        progress(steps - max(2 - number, 1), steps)
+        progress(steps - max(2 - number, 1), total)
         fits = list[StribeckFit | None]()
         for j, law in enumerate(result.choice.laws):
             beside = sorted({INERTIA, *law.slots} - set(RESTS_ON))
@@ -242,16 +244,22 @@ def estimate(question: Question, progress: Callable[[int, int], object]) -> Esti
     if touched:  # all again: laws and delay were found beside it
         del result
         lacks = without_contacts(question.recordings, touched)
-        return estimate(replace(question, recordings=lacks, contacts=touched), progress)
+        ahead = after(progress, steps - 1)
+        return estimate(replace(question, recordings=lacks, contacts=touched), ahead)
     result.errors = nested_errors(result.problem, result.rows)
     _doubt(result)
-    progress(steps, steps)
+    progress(steps, total)
     if not result.known:
         raise IdentificationError(
             f"{question.scene.source}: the model explains no joint's effort better than its mean "
             "does: check signs, zeros and units of angles and efforts, and the joint of each column"
         )
     return result
+
+
+def after(progress: Callable[[int, int], object], done: int) -> Callable[[int, int], object]:
+    """Return `progress` of what begins again: its steps come on top of those that are done."""
+    return lambda more, total: progress(done + more, done + total)
 
 
 def _unjudged(laws: tuple[Law, ...]) -> Choice:

@@ -14,7 +14,7 @@ from pinfric.dynamics.inverse.inverse import inverse_dynamics
 from pinfric.dynamics.inverse.result import InverseResult
 from pinfric.errors import IdentificationError, choose_from
 from pinfric.identification.checks import check_one_robot
-from pinfric.identification.estimate import Estimate, Question, estimate, turns
+from pinfric.identification.estimate import Estimate, Question, after, estimate, turns
 from pinfric.identification.files import identified_files
 from pinfric.identification.findings import Findings
 from pinfric.identification.laws import COULOMB, RESTS_ON, STRIBECK_VELOCITY, K, Law
@@ -145,10 +145,17 @@ def identify(
     question = Question(
         scene, recordings, effort_at, inertia == "keep", laws or {}, gain or {}, options.without
     )
-    tell = progress or (lambda done, total: None)
+    finished = 0
+
+    def tell(done: int, total: int) -> None:
+        nonlocal finished
+        finished = done
+        if progress is not None:
+            progress(done, total)
+
     result = estimate(question, tell)
     if result.builds_up:  # ways were found beside plain friction: laws may explain it without them
-        jumping = estimate(replace(question, jumps=True), tell)
+        jumping = estimate(replace(question, jumps=True), after(tell, finished))
         built_up, jumped = _left(result), _left(jumping)
         changes = [np.log(built_up[name] / jumped[name]) for name in built_up if name in jumped]
         result = result if np.mean(changes) < _EARNED else jumping

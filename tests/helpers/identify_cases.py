@@ -304,6 +304,12 @@ def prepared_of(v: np.ndarray, columns: dict, **more: object) -> Prepared:
     return Prepared(recording=recording, slots=slots, **given)
 
 
+def count_goes_on(told: list[tuple[int, int]]) -> None:
+    """Judge what `progress` was told: each step once, and all of them at the end only."""
+    assert [done for done, _ in told] == list(range(1, len(told) + 1))
+    assert [done == total for done, total in told] == [False] * (len(told) - 1) + [True]
+
+
 def parameter(found: Identified, section: str, joint: int, name: str):
     return next(
         p for p in found.parameters if (p.section, p.joint, p.name) == (section, NAMES[joint], name)

@@ -6,6 +6,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from identify_cases import (
+    count_goes_on,
     excitation,
     fit_of,
     guess,
@@ -30,10 +31,14 @@ def test_a_push_is_named_with_its_time_and_left_out(found):
     for i in pushed:
         J = pin.computeJointJacobian(true.model, data, motion.q[i], wrist)
         effort[i] += J.T @ np.array([30.0, 20.0, 30.0, 0.0, 0.0, 0.0])
-    with_push = pf.identify(guess(90), logged(90, motion, effort))
+    told = list[tuple[int, int]]()
+    with_push = pf.identify(
+        guess(90), logged(90, motion, effort), progress=lambda *step: told.append(step)
+    )
     (said,) = (line for line in with_push.doubts if "as of a contact" in line)
     assert with_push.doubts == (said,)
     (one,) = with_push.estimate.question.contacts
+    count_goes_on(told)
     assert abs(one.start - 12.0) < 0.15
     assert abs(one.end - 14.0) < 0.15
     # as if it had not been: the same log, its efforts missing

@@ -2,10 +2,12 @@
 
 import re
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
 import pytest
+from cli_cases import URDF, WAY, results_in, run
 from identify_cases import (
     NAMES,
     PLAIN,
@@ -36,6 +38,30 @@ def test_the_files_run_as_they_are(found, tmp_path):
     header, *rows = (tmp_path / "posterior.csv").read_text().splitlines()
     assert f"friction.{NAMES[1]}.coulomb.positive" in header.split(",")
     assert len(rows) >= 200
+
+
+@pytest.mark.slow
+def test_a_folder_has_the_files_of_its_last_run_only(tmp_path, monkeypatch):
+    """`--inertia keep` writes no robot: that of an earlier run would stand beside its scene."""
+    monkeypatch.chdir(tmp_path)
+    Path("arm.urdf").write_text(URDF)
+    Path("arm.yaml").write_text("pinfric: 1\nrobot: {urdf: arm.urdf}\n")
+    t, terms = np.arange(0.0, 16.0, 0.02), np.array([0.7, 1.3, 2.1])
+    angles = np.outer(t, terms) + np.arange(3)
+    q, v = 0.4 * np.sin(angles).sum(axis=1), 0.4 * np.cos(angles) @ terms
+    a, mass = -0.4 * np.sin(angles) @ terms**2, 2.2
+    effort = (0.1 + 0.25 * mass) * a - 0.5 * 9.81 * mass * np.cos(q) + 1.5 * np.sign(v) + 0.4 * v
+    rows = np.column_stack((t, q, effort))
+    np.savetxt("log.csv", rows, "%.9g", ",", header="t,shoulder,shoulder/effort", comments="")
+    assert run("identify", "arm.yaml", "log.csv", "--out", "found") == 0
+    assert "robot.urdf" in results_in("found")
+    assert run("identify", "arm.yaml", "log.csv", "--inertia", "keep", "--out", "found") == 0
+    assert "robot.urdf" not in results_in("found")
+    assert run("inverse", "found/scene.yaml", "log.csv", "--out", "again") == 0
+    assert "measured.png" in results_in("again")
+    Path("way.yaml").write_text(WAY)
+    assert run("inverse", "found/scene.yaml", "way.yaml", "--out", "again") == 0
+    assert "measured.png" not in results_in("again")
 
 
 def test_the_posterior_is_swept_row_by_row(found, tmp_path):

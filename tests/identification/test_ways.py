@@ -6,7 +6,16 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from identify_cases import NAMES, PLAIN, Motion, guess, logged, motor_effort, truth
+from identify_cases import (
+    NAMES,
+    PLAIN,
+    Motion,
+    count_goes_on,
+    guess,
+    logged,
+    motor_effort,
+    truth,
+)
 from identify_wrong_models import WAY, wrong_log
 
 import pinfric as pf
@@ -18,7 +27,10 @@ from pinfric.identification.ways import TRIED, Build, Way, _refusal, shares
 @pytest.fixture(scope="module")
 def building():
     """Friction of six joints that builds up over 5 mrad, after Dahl, from 30 s of log."""
-    return pf.identify(guess(21), wrong_log("presliding", 21, 30.0, 125.0), laws=PLAIN)
+    log, told = wrong_log("presliding", 21, 30.0, 125.0), list[tuple[int, int]]()
+    found = pf.identify(guess(21), log, laws=PLAIN, progress=lambda *step: told.append(step))
+    count_goes_on(told)  # though it is fitted once more, without ways
+    return found
 
 
 def test_each_way_is_found_and_its_interval_holds_it(building):
