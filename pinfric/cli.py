@@ -591,9 +591,15 @@ def sweep(
     with progress("cycles") as report, on_cluster(cluster) if cluster else nullcontext():
         result = sweep(scene, trajectory, sweep_name, processes=processes, progress=report)
     run.read.append(result.sweep)
-    summary = sweep_summary(result)
+    with working(f"percentiles and correlations of {result.samples} cycles"):
+        summary = sweep_summary(result)
+
+    def write_samples(path: Path) -> None:
+        with progress("rows of samples.csv") as report:
+            result.write_csv(path, report)
+
     files: Files = {
-        "samples.csv": lambda path: result.to_dataframe().to_csv(path, index=False),
+        "samples.csv": write_samples,
         **pictures(sweep=partial(sweep_figure, result)),
     }
     tables = partial(sweep_report, result, summary)

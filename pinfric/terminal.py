@@ -42,6 +42,8 @@ NO_READER = 141
 #: Seconds until the first line that says how far a command is, and between two, where its output is
 #: no terminal.
 _FIRST, PERIOD = 4.0, 10.0
+#: Of so many steps that are done the time left is told.
+_EVEN = 20
 
 #: What matplotlib warns of where a font has no such letter.
 _NO_LETTER = re.compile(r"Glyph \d+ .*missing from")
@@ -388,12 +390,28 @@ def working(what: str) -> Iterator[Callable[[str], None]]:
         yield lambda step: status.update(f"{what}: {step}")
 
 
+def _duration(seconds: float) -> str:
+    """A time that is not known well: "some 40 s", "some 3 min", "some 5 h"."""
+    if seconds < 120.0:
+        return f"some {seconds:.0f} s"
+    return (
+        f"some {seconds / 60.0:.0f} min" if seconds < 7200.0 else f"some {seconds / 3600.0:.0f} h"
+    )
+
+
 @contextmanager
 def progress(what: str) -> Iterator[Callable[[int, int], None]]:
     """Give a function of the counts done and in total; on a terminal it draws a bar."""
     if not sys.stderr.isatty():
-        counts = deque([(0, 0)], maxlen=1)
-        with _repeated(lambda: f"{what}: {counts[-1][0]} of {counts[-1][1] or '?'} done"):
+        counts, began = deque([(0, 0)], maxlen=1), time.monotonic()
+
+        def line() -> str:
+            done, total = counts[-1]
+            left = (time.monotonic() - began) * (total - done) / max(done, 1)
+            known = done >= _EVEN and left >= PERIOD
+            return f"{what}: {done} of {total or '?'} done" + known * f", {_duration(left)} left"
+
+        with _repeated(line):
             yield lambda done, total: counts.append((done, total))
         return
     from rich.console import Console

@@ -72,6 +72,21 @@ def test_on_a_pipe_a_line_says_how_far_a_command_is(capsys, monkeypatch):
         assert said == (set() if busy else lines)  # kernels that compile say their own
 
 
+@pytest.mark.parametrize(
+    ("passed", "left"), [(0.5, ""), (30.0, ", some 90 s left"), (3600.0, ", some 3 h left")]
+)
+def test_of_many_steps_the_time_left_is_told(monkeypatch, capsys, passed, left):
+    monkeypatch.setattr(terminal, "_FIRST", 0.02)
+    monkeypatch.setitem(NOTICES, "busy", False)
+    clock = [0.0]
+    monkeypatch.setattr(terminal.time, "monotonic", lambda: clock[0])
+    with terminal.progress("cycles") as tell:
+        tell(25, 100)
+        clock[0] = passed
+        time.sleep(0.2)
+    assert capsys.readouterr().err == f"pinfric: cycles: 25 of 100 done{left}\n"
+
+
 def test_the_first_line_comes_sooner_than_the_next(monkeypatch, capsys):
     monkeypatch.setattr(terminal, "_FIRST", 0.02)
     monkeypatch.setitem(NOTICES, "busy", False)
@@ -165,7 +180,7 @@ def test_reader_that_leaves_early_sees_no_traceback(files, form):
 def test_a_long_simulation_says_how_far_it_is(monkeypatch, capsys):
     monkeypatch.setattr(terminal, "PERIOD", 0.02)
     assert run("simulate", "pendulum", "--method", "timestepping") == 0
-    assert re.search(r"pinfric: ms simulated: [1-9]\d* of 2000 done\n", capsys.readouterr().err)
+    assert re.search(r"pinfric: ms simulated: [1-9]\d* of 2000 done", capsys.readouterr().err)
 
 
 @pytest.mark.parametrize("threads", ["0", "-2", "many"])

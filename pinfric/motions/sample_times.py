@@ -81,12 +81,15 @@ def check_memory(samples: int, joints: int, source: str) -> None:
     Raises:
         TrajectoryError: says how much it takes.
     """
-    need, there = (
-        samples * joints * _BYTES,
-        os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"),
-    )
-    if need > there:
+    if too_much := beyond_memory(samples * joints * _BYTES):
         raise TrajectoryError(
-            f"{source}: {samples} samples of {joints} joints take some {1e-9 * need:.0f} GB, and "
-            f"this machine has {1e-9 * there:.0f} GB: lower the sample_rate"
+            f"{source}: {samples} samples of {joints} joints {too_much}: lower the sample_rate"
         )
+
+
+def beyond_memory(need: float) -> str:
+    """Return "" where this machine has so much memory (bytes), else what to say of it."""
+    there = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+    if need <= there:
+        return ""
+    return f"take some {1e-9 * need:.0f} GB, and this machine has {1e-9 * there:.0f} GB"

@@ -414,20 +414,31 @@ def _split(actuator: Actuator, friction: dict[str, Friction], factor: float) -> 
     return actuator.model_copy(update={"transmission": gear.model_copy(update=update)})
 
 
-def draw(targets: Sequence[Target], sweep: SweepFile) -> np.ndarray:
-    """Return every sample's values (n, number of targets), which depend on the seed only.
-
-    Sobol's design stacks Saltelli's matrices A, B and A with one column of B, for each target.
+def count(targets: Sequence[Target], sweep: SweepFile) -> int:
+    """Return the number of samples.
 
     Raises:
         SweepError: a grid or design of more than `MOST_SAMPLES`.
     """
+    total, design = sweep.samples or 0, "the grid"
+    if sweep.sampling == "grid":
+        total = math.prod(len(target.distribution.levels or ()) for target in targets)
+    elif sweep.sampling == "sobol":
+        total, design = total * (len(targets) + 2), "Sobol's design"
+    if total > MOST_SAMPLES:
+        raise SweepError(f"{design} has {total:,} samples; at most {MOST_SAMPLES:,}")
+    return total
+
+
+def draw(targets: Sequence[Target], sweep: SweepFile) -> np.ndarray:
+    """Return every sample's values (n, number of targets), which depend on the seed only.
+
+    Sobol's design stacks Saltelli's matrices A, B and A with one column of B, for each target.
+    """
     d = len(targets)
     if sweep.sampling == "grid":
         levels = [target.distribution.levels or () for target in targets]
-        total = math.prod(len(values) for values in levels)
-        if total > MOST_SAMPLES:
-            raise SweepError(f"the grid has {total:,} samples; at most {MOST_SAMPLES:,}")
+        total = count(targets, sweep)
         index = np.unravel_index(np.arange(total), [len(values) for values in levels])
         return _columns(np.array(values)[i] for values, i in zip(levels, index, strict=True))
     assert sweep.samples is not None  # the file's check
@@ -440,8 +451,6 @@ def draw(targets: Sequence[Target], sweep: SweepFile) -> np.ndarray:
         points = qmc.Sobol(2 * d, scramble=True, **seeded(qmc.Sobol, "seed", sweep.seed))
         A, B = np.hsplit(points.random(sweep.samples), 2)
         u = np.concatenate([A, B, *(np.where(np.arange(d) == j, B, A) for j in range(d))])
-    if len(u) > MOST_SAMPLES:
-        raise SweepError(f"Sobol's design has {len(u):,} samples; at most {MOST_SAMPLES:,}")
     rows = [j for j, target in enumerate(targets) if isinstance(target.distribution, TableColumn)]
     u[:, rows] = u[:, rows[:1]]  # one row of the table in all its columns
     return _columns(target.distribution.quantile(u[:, j]) for j, target in enumerate(targets))

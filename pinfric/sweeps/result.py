@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import math
 import warnings
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -27,6 +29,8 @@ _Z95 = 1.959963984540054
 _LEAST_SHARE = 0.01
 #: Of the bootstrap behind the intervals of Sobol's shares.
 _RESAMPLES = 200
+#: Samples that are written at once.
+_ROWS = 50_000
 
 
 @described
@@ -140,6 +144,11 @@ class SweepResult(Shown):
         """(n,) the samples with all their figures."""
         return np.isfinite(self.figures).all(axis=(1, 2))
 
+    @cached_property
+    def _there(self) -> np.ndarray | slice:
+        """The samples with a solution; where all have one, arrays are not copied."""
+        return slice(None) if self.solved.all() else self.solved
+
     def figure(self, name: str) -> np.ndarray:
         """Return one figure of all samples and drives, (n, na).
 
@@ -155,8 +164,8 @@ class SweepResult(Shown):
 
         All samples with a solution weigh the same, also those of a grid.
         """
-        there = self.figure(name)[self.solved]
-        return np.percentile(there, self.percentiles, axis=0)
+        drives = self.figure(name).T  # one after another: many samples fill much of the memory
+        return np.column_stack([np.percentile(x[self._there], self.percentiles) for x in drives])
 
     @property
     def rated(self) -> tuple[str, str]:
@@ -241,14 +250,20 @@ class SweepResult(Shown):
         mounting angle) use the shares of Sobol's design. NaN if a parameter or a figure does not
         vary.
         """
-        from scipy.stats import rankdata
+        if name not in self._correlations:
+            figures = [_ranks(x[self._there]) for x in self.figure(name).T]
+            self._correlations[name] = self._parameter_ranks @ np.column_stack(figures)
+        return self._correlations[name]
 
-        if np.count_nonzero(self.solved) < 2:
-            return np.full((len(self.parameter_names), len(self.actuator_names)), np.nan)
-        both = np.hstack((self.values, self.figure(name)))[self.solved]
-        with np.errstate(invalid="ignore"):  # 0/0 of what does not vary
-            correlation = np.corrcoef(rankdata(both, axis=0), rowvar=False)
-        return correlation[: len(self.parameter_names), len(self.parameter_names) :]
+    @cached_property
+    def _correlations(self) -> dict[str, np.ndarray]:
+        """What `rank_correlation` has computed, by figure."""
+        return {}
+
+    @cached_property
+    def _parameter_ranks(self) -> np.ndarray:
+        """(np, number of samples with a solution) `_ranks` of each parameter."""
+        return np.array([_ranks(x[self._there]) for x in self.values.T])
 
     @property
     def correlation_noise(self) -> float:
@@ -305,7 +320,30 @@ class SweepResult(Shown):
         """
         import pandas as pd
 
-        columns: dict[str, object] = {"sample": np.arange(self.samples)}
+        return pd.DataFrame(self._columns())
+
+    def write_csv(
+        self, path: str | Path, progress: Callable[[int, int], object] | None = None
+    ) -> None:
+        """Write `to_dataframe` as CSV, in parts that take little memory.
+
+        Args:
+            progress: called with the number of written samples and of all.
+        """
+        import pandas as pd
+
+        columns = self._columns()
+        with Path(path).open("w", encoding="utf-8", newline="") as file:
+            for start in range(0, self.samples, _ROWS):
+                rows = slice(start, min(start + _ROWS, self.samples))
+                part = pd.DataFrame({name: column[rows] for name, column in columns.items()})
+                part.to_csv(file, index=False, header=not start)
+                if progress is not None:
+                    progress(rows.stop, self.samples)
+
+    def _columns(self) -> dict[str, Any]:
+        """The columns of `to_dataframe`, those of figures as views of them."""
+        columns: dict[str, Any] = {"sample": np.arange(self.samples)}
         columns |= {name: self.values[:, j] for j, name in enumerate(self.parameter_names)}
         for i, drive in enumerate(self.actuator_names):
             columns |= {f"{drive}.{f}": self.figures[:, i, k] for k, f in enumerate(DEMANDS)}
@@ -316,5 +354,13 @@ class SweepResult(Shown):
         columns |= {
             name: self.elastic[:, k] for k, name in enumerate(ELASTIC_FIGURES) if self.elastic.size
         }
-        columns |= {"unsolved": self.unsolved, "problem": list(self.problems)}
-        return pd.DataFrame(columns)
+        return columns | {"unsolved": self.unsolved, "problem": self.problems}
+
+
+def _ranks(x: np.ndarray) -> np.ndarray:
+    """Ranks less their mean, at length 1: two such multiply to Spearman's correlation, or NaN."""
+    from scipy.stats import rankdata
+
+    ranks = rankdata(x) - (len(x) + 1) / 2
+    with np.errstate(invalid="ignore"):  # 0/0 of what does not vary
+        return np.asarray(ranks / np.linalg.norm(ranks))

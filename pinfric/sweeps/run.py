@@ -12,13 +12,15 @@ import numpy as np
 import pandas as pd
 
 from pinfric.errors import PinfricWarning, SweepError
+from pinfric.model.brief import counted
 from pinfric.model.scene import Scene, expect_scene
+from pinfric.motions.sample_times import beyond_memory
 from pinfric.motions.summary import effort_unit, motor_unit
 from pinfric.motions.trajectory import Trajectory
 from pinfric.sweeps.cycle import Samples, Study, compute
 from pinfric.sweeps.file import SweepFile, load_sweep
 from pinfric.sweeps.motors import MET, NOT_CHECKED, motors_on_trial
-from pinfric.sweeps.parameters import draw, resolve
+from pinfric.sweeps.parameters import count, draw, resolve
 from pinfric.sweeps.result import SweepResult
 from pinfric.sweeps.workers import compute_in_parallel
 
@@ -29,6 +31,8 @@ _BATCH = 1.0
 _MOST_PER_BATCH = 500
 #: Samples by which the time of one is found: some, as a batch has a cost of its own.
 _FEW = 5
+#: Bytes of memory that a sample takes for each parameter and each drive, from measurements.
+_PER_VALUE, _PER_DRIVE = 24, 120
 
 
 def sweep(
@@ -53,8 +57,8 @@ def sweep(
         progress: called with the number of finished samples and of all.
 
     Raises:
-        SweepError: the sweep has an unknown name or an impossible value, no sample could be
-            computed, or a process was killed.
+        SweepError: the sweep has an unknown name or an impossible value, its samples do not fit
+            the memory, none could be computed, or a process was killed.
 
     Warns:
         PinfricWarning: samples without a solution; speeds beyond the robot's limits.
@@ -76,6 +80,12 @@ def sweep(
     targets = resolve(scene, entries, source)
     equipped, trials = motors_on_trial(scene, entries, source)
     study = Study(equipped, trajectory, targets, trials)
+    n, drives = count(targets, entries), len(scene.actuator_names)
+    if too_much := beyond_memory(n * (_PER_VALUE * len(targets) + _PER_DRIVE * drives)):
+        raise SweepError(
+            f"{source}: {n:,} samples of {counted(len(targets), 'parameter')} and "
+            f"{counted(drives, 'drive')} {too_much}: take fewer samples"
+        )
     values = draw(targets, entries)
     samples, used = _samples(study, values, progress, processes)
     problems = tuple(samples.problems)

@@ -143,6 +143,16 @@ def test_grid_of_too_many_points_is_refused():
     assert "10,000,000,000 samples" in refused(grid)
 
 
+def test_what_does_not_fit_the_memory_is_refused(monkeypatch):
+    """Before anything is drawn: Linux ends a process that takes more, without a word."""
+    monkeypatch.setattr("os.sysconf", {"SC_PHYS_PAGES": 1_000_000, "SC_PAGE_SIZE": 1000}.get)
+    varied = sweep_of(10_000_000, speed=uniform(0.5, 2.0))
+    words = "10,000,000 samples of 1 parameter and 1 drive take some 1 GB, and this machine has 1 "
+    assert words in refused(varied)
+    design = {"sampling": "sobol", "samples": 2**23}
+    assert "Sobol's design has 25,165,824 samples; at most" in refused(varied | design)
+
+
 def test_no_processes_are_refused():
     scene = pushed_block()
     with pytest.raises(SweepError, match="processes = 0"):

@@ -1,8 +1,11 @@
 """Percentiles, odds and influences against analytic ones."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from scipy.stats import spearmanr
 from sweep_cases import BOX, MASS, MU, G, pushed_block, run, steady, sweep_of, uniform
 
 
@@ -37,6 +40,27 @@ def test_correlation_names_what_drives_the_effort():
     assert abs(box) < 0.2
     assert np.isnan(roll)
     assert found.rank_correlation("speed")[2, 0] == pytest.approx(1.0)
+
+
+def test_what_is_computed_column_by_column_is_that_of_the_whole(tmp_path, monkeypatch):
+    """Of samples with ties and one without a solution: SciPy, NumPy and pandas on whole tables."""
+    scene = pushed_block()
+    varied = {"friction__all__mu": uniform(0.5, 1.5), "speed": {"choice": {"values": [1.0, 2.0]}}}
+    found = run(scene, steady(scene), sweep_of(40, **varied))
+    figures = found.figures.copy()
+    figures[7], problems = np.nan, tuple("it jams, so" * (k == 7) for k in range(40))
+    lost = replace(found, figures=figures, problems=problems)
+    told = []
+    for one in found, lost:
+        peak, there = one.figure("peak"), np.isfinite(one.figure("peak")[:, 0])
+        assert_allclose(one.quantiles("peak"), np.percentile(peak[there], one.percentiles, axis=0))
+        for row, values in zip(one.rank_correlation("peak"), one.values.T, strict=True):
+            expected = spearmanr(values[there], peak[there, 0]).statistic
+            assert row == pytest.approx(expected, abs=1e-12)
+        monkeypatch.setattr("pinfric.sweeps.result._ROWS", 16)
+        one.write_csv(tmp_path / "samples.csv", lambda *step: told.append(step))
+        assert (tmp_path / "samples.csv").read_text() == one.to_dataframe().to_csv(index=False)
+    assert told == 2 * [(16, 40), (32, 40), (40, 40)]
 
 
 def test_sobol_shares_of_a_product_are_the_analytic_ones():

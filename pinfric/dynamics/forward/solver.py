@@ -846,8 +846,8 @@ class Solver:
     ) -> CompensationOptions:
         """Return options whose bands are wide enough for the noise of a recorded second at rest.
 
-        measured_way >= 20 ptp(q), hold_error >= 11.25 ptp(q) where there is a hold, hold_velocity >=
-        5 sd(v_now): noise then moves the compensation by at most 5 % of the friction in
+        measured_way >= 20 ptp(q), hold_error >= 11.25 ptp(q) where there is a hold, hold_velocity
+        >= 5 sd(v_now): noise then moves the compensation by at most 5 % of the friction in
         `compensate_measured` and 20 % in a hold, from peak to peak, beside viscous x ptp(v_now).
 
         Args:
