@@ -257,6 +257,7 @@ class StopSearch:
 
     def run(self) -> None:
         """Simulate the candidates, then refine the highest local maxima of each measure."""
+        self.progress(0, self._expected)  # the first stop of a long chain takes a while
         cases = {StopCase(kind, sample) for kind in self.kinds for sample in self.candidates(kind)}
         while cases:
             for case in sorted(cases):

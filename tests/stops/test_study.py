@@ -212,7 +212,10 @@ def test_criteria_of_the_brake(found):
 def test_category_1_brakes_under_power_and_spares_the_brake():
     decelerated = {"category": 1, "deceleration": {"lift": 8.0, "elbow": 10.0}}
     scene = braked(load=False, **decelerated, along_path=False)
-    found = pf.stop(scene, swing(scene, 9))
+    told = []
+    found = pf.stop(scene, swing(scene, 9), progress=lambda *counts: told.append(counts))
+    assert told[0][0] == 0 < told[0][1]  # of how many, before the first is done
+    assert [done for done, _ in told] == list(range(len(found.search.found) + 1))
     assert "each axis brakes by itself, so the tool leaves its path" in found.notes
     assert max(axis.energy for axis in found.axes) < 0.1
     (taken,) = braking(found.search.machines, found.trajectory)
