@@ -40,9 +40,9 @@ from pinfric.friction.ways import PossibleWays, Ways
 MOST_ENUMERATED = 8
 #: All modes of up to so many joints are tried in less time than a tree of them takes.
 _FEW = 2
-#: Passes of all solves of a search, a few seconds once compiled. A solve takes one pass in an open
+#: Passes of all solves of a search, about a second once compiled. A solve takes one pass in an open
 #: chain, three in a mechanism, more where friction is shared; on lines of gears a tenth of these.
-MOST_PASSES, _ON_LINES = 20_000, 0.1
+MOST_PASSES, _ON_LINES = 8_000, 0.1
 #: Passes in the modes that a tree leaves; then pivoting is tried.
 _IN_TREE = 5_000
 #: Accelerations closer than this, relative to their size, are the same one.
