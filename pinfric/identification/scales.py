@@ -31,8 +31,9 @@ _LOSSES = 0.3
 _KNOWN = 0.25
 #: Gauss-Newton steps; the third changes a factor by some thousandths.
 _ROUNDS = 3
-#: Weight of a factor's prior: only what no row determines stays at 1.
-_FREE = 1e-12
+#: Weight of a factor's prior beside its own column: only what no row determines stays at 1. Beside
+#: rounding it is large: of one joint the factor's column is a multiple of the links'.
+_FREE = 1e-10
 
 
 @dataclass(frozen=True)
@@ -89,12 +90,6 @@ def effort_scales(estimate: Estimate) -> list[EffortScale]:
         return []
     problem, fit = estimate.problem, estimate.fit
     slots, p = problem.slots(estimate.choice.laws), fit.theta.size
-    links = problem.prior
-    prior = Prior(
-        np.append(links.center, 0.0),
-        np.append(links.weight, _FREE),
-        np.append(links.deviation, 0.0),
-    )
     squares, found = _squares(problem.grams, problem.weights, fit), []
     for j in estimate.known:
         scale, theta = 1.0, fit.theta
@@ -104,6 +99,7 @@ def effort_scales(estimate: Estimate) -> list[EffortScale]:
                 for i, own in enumerate(problem.grams)
             ]
             normal = Normal.of(grams, np.ones(problem.folds.size, dtype=bool), problem.weights)
+            prior = _with_factor(problem.prior, float(normal.rigid[p, p]) / normal.rows)
             own_fit = FrictionNormalEquations(normal, prior).fit(slots)
             theta, change = own_fit.theta[:p], float(own_fit.theta[p])
             scale += change
@@ -113,6 +109,15 @@ def effort_scales(estimate: Estimate) -> list[EffortScale]:
         gain = float((squares - left).sum()) / max(float(squares[j]), 1e-300)
         found.append(EffortScale(j, scale, error, gain))
     return found
+
+
+def _with_factor(links: Prior, square: float) -> Prior:
+    """Return the prior of the links and of a factor whose column has this mean square."""
+    return Prior(
+        np.append(links.center, 0.0),
+        np.append(links.weight, _FREE * (square or 1.0)),
+        np.append(links.deviation, 0.0),
+    )
 
 
 def _squares(grams: Sequence[BlockProducts], weights: FloatArray, fit: Fit) -> FloatArray:

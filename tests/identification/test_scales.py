@@ -21,10 +21,11 @@ from identify_cases import (
 
 import pinfric as pf
 from pinfric.identification.misfit import Misfit
-from pinfric.identification.normal import BlockProducts
+from pinfric.identification.normal import BlockProducts, FrictionNormalEquations, Normal, Prior
 from pinfric.identification.notes import _scales
 from pinfric.identification.scales import (
     EffortScale,
+    _with_factor,
     _with_scale,
     doubted,
     effort_scales,
@@ -133,3 +134,13 @@ def test_products_with_a_scale_are_those_of_scaled_columns():
     )
     made = _with_scale(BlockProducts((columns.T @ columns)[None], np.ones(1)), 0.7, theta)
     assert made.products[0] == pytest.approx(wanted.T @ wanted)
+
+
+@pytest.mark.parametrize("size", [1e-6, 1.0, 1e6])
+def test_a_factor_that_no_row_determines_stays(size):
+    """That of one joint multiplies the only column there is; rounding made its matrix singular."""
+    both, none = size * np.ones((2, 2)), np.zeros(0)
+    normal = Normal(both, np.zeros((2, 0)), np.zeros((0, 0)), 3.0 * both[0], none, 1e3)
+    links = Prior(np.zeros(1), np.zeros(1), np.zeros(1))
+    start = FrictionNormalEquations(normal, _with_factor(links, size / 1e3)).start
+    assert start == pytest.approx([3.0, 0.0], abs=1e-4)
