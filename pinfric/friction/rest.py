@@ -89,7 +89,14 @@ class Mechanism:
         if self.slope is not None:
             key += (self.slope.tobytes(),)
         if self._groups[0] != key:
-            shared = self._find_groups(stuck)
+            A = self.normalized()[:, held := np.flatnonzero(stuck)]
+            together = np.abs(A.T @ A) > RANK
+            together |= np.equal.outer(self.block[held], self.block[held])
+            shared = [
+                held[group]
+                for group in connected(together)
+                if self.ball[held[group]].any() or _rank(A[:, group]) < len(group)
+            ]
             self._groups = key, [Group.of(self.factor, c, self.slope) for c in shared]
         return self._groups[1]
 
@@ -102,22 +109,6 @@ class Mechanism:
             rank = _rank(self.factor[:, stuck])
             self._locked = key, rank == len(self.factor)
         return self._locked[1]
-
-    def _find_groups(self, stuck: np.ndarray) -> list[np.ndarray]:
-        held = np.flatnonzero(stuck)
-        if held.size == 0:
-            return []
-        if held.size == 1 and not self.ball[held[0]] and self.factor[:, held[0]].any():
-            return []
-        A = self.normalized()[:, held]
-        together = np.abs(A.T @ A) > RANK
-        together |= np.equal.outer(self.block[held], self.block[held])
-        groups = []
-        for group in connected(together):
-            rank = _rank(A[:, group])
-            if self.ball[held[group]].any() or rank < len(group):
-                groups.append(held[group])
-        return groups
 
     def joints(self, which: np.ndarray) -> list[int]:
         """Return the numbers of the joints of which coordinates (nc,) are among these."""

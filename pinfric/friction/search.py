@@ -126,19 +126,18 @@ class _Query:
     def solve(self) -> tuple[int, int]:
         """Solve the modes as they are, all solutions of them if wanted; see `rest.solve_modes`."""
         self.answers, m = [], self.modes
-        counts = self._solved(1.0)
+        counts = solve_modes(self.problem, m, self.mechanism)
+        self._count(1.0)
         moves = not m.stuck[self.problem.gear_coordinate].all()
         off_lines = moves and m.figures[0] >= 1.0  # of several solutions some
         if m.effort.size and (counts[0] < 0 or off_lines or not is_certain(self.problem, m)):
             counts = self._on_every_line()
         return self._all(counts) if self.several and m.figures[0] >= 1.0 else counts
 
-    def _solved(self, weight: float, chosen: bool = False) -> tuple[int, int]:
-        """`rest.solve_modes` of the modes as they are; its passes are counted with a weight."""
-        counts = solve_modes(self.problem, self.modes, self.mechanism, chosen)
+    def _count(self, weight: float) -> None:
+        """Take the passes of the last solve from those that remain."""
         plain = weight * (3 if self.mechanism.closed else 1)
         self.passes -= max(plain, passes_of_sharing(self.modes))
-        return counts
 
     def _on_every_line(self) -> tuple[int, int]:
         """Solve the modes on every line of gears that may fit; `answers` are theirs."""
@@ -449,7 +448,7 @@ def _settle(query: _Query) -> tuple[int, int]:
         solutions, obeying = query.solve()
         if solutions <= 0:
             break
-        turned = turn_balls(modes, query.mechanism, slips=True)
+        turned = turn_balls(modes, query.mechanism, slips=True) if query.mechanism.balls else 0.0
         sticks = (modes.verdict[query.mechanism.ball] == SHOULD_STICK).any()
         if turned <= TURNED or (sticks and n > _TRANSIENT):
             break

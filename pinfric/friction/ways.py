@@ -83,8 +83,7 @@ class PossibleWays:
                     return
         # 2. directions, one joint's after the other's
         weakly = {c: way for c, way in forced.items() if not ball[c]}
-        at_start = self.A @ start + self.c
-        rates = {c: (self.A[c] @ N, float(at_start[c])) for c in [*order, *weakly]}
+        rates = np.column_stack([self.A @ N, self.A @ start + self.c])
         waiting: list[Ways] = [{}]
         while waiting:
             ways = waiting.pop()
@@ -96,16 +95,17 @@ class PossibleWays:
             c = order[len(ways)]
             waiting += [{**ways, c: -1.0}, {**ways, c: 1.0}]
 
-    def _can_move(
-        self, rates: dict[int, tuple[np.ndarray, float]], weakly: Ways, ways: Ways
-    ) -> bool:
-        """Return whether joints can move in these ways at once; those of `weakly` may stand."""
-        moving = {**ways, **weakly}
-        size = next(iter(rates.values()))[0].size if rates else 0
+    def _can_move(self, rates: np.ndarray, weakly: Ways, ways: Ways) -> bool:
+        """Return whether joints can move in these ways at once; those of `weakly` may stand.
+
+        Args:
+            rates: (nc, size + 1) of all joints by (y, 1).
+        """
+        moving, size = {**ways, **weakly}, rates.shape[1] - 1
         if not moving:
             return True
-        G = np.array([-way * rates[c][0] for c, way in moving.items()])
-        h = np.array([-way * rates[c][1] for c, way in moving.items()])
+        rows = -np.array([*moving.values()])[:, None] * rates[[*moving]]
+        G, h = np.ascontiguousarray(rows[:, :-1]), rows[:, -1].copy()
         if self.stands:
             h[:] = 0.0
         if size == 0:
