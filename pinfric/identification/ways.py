@@ -3,8 +3,10 @@
     y(t + delay) = Y theta + J a + k v + c+ max(z, 0) + c- min(z, 0),    z = z(d) of each joint
 
 Given d and the delay all is linear. A wrong d looks like a delay and the reverse, so both are
-searched together; then Gauss-Newton in the delay and log d. Each way must earn its place against a
-fit without it *at that fit's own best delay* (`notebooks/theory/identification`, "Ways").
+searched together; then Gauss-Newton in the delay and log d. Friction that falls from rest to
+motion looks like a shorter way and a later effort, so what falls is fitted beside them where it
+shows. Each way must earn its place against a fit without it *at that fit's own best delay*
+(`notebooks/theory/identification`, "Ways").
 """
 
 from __future__ import annotations
@@ -18,7 +20,7 @@ import numpy as np
 from pinfric.dynamics.samples.presliding import carry_shares
 from pinfric.identification.columns import Prepared, passed, unresting
 from pinfric.identification.laws import INERTIA, PLAIN
-from pinfric.identification.normal import Prior, products_by_block
+from pinfric.identification.normal import Prior, beside, orthonormal, products_by_block
 from pinfric.model.arrays import BoolArray, FloatArray, IntArray
 from pinfric.model.presliding import GRADUAL
 
@@ -36,6 +38,8 @@ FEWEST = 6
 #: Relative change of d for its derivative; rounds of Gauss-Newton, and of that of a fit without one
 #: way.
 _CHANGE, _ROUNDS, _RIVALS = 1.05, 6, 4
+#: rad/s or m/s at which 1/e is left of what falls from rest to motion, as tried beside ways.
+_FALLS = (0.03, 0.1)
 #: Standard deviation of log d that the shape of the build-up leaves.
 _OF_SHAPE = 0.08
 
@@ -108,6 +112,8 @@ class _Logs:
 
     Attributes:
         logs: prepared. prior: of the links. weights: (nj,) 1/standard deviation of the residual.
+        falls: joint -> speed over which its friction falls (rad/s or m/s), where it does.
+        bases: (n, m) of each joint, orthonormal: what is taken out of its columns and effort.
     """
 
     logs: Sequence[Prepared]
@@ -117,12 +123,15 @@ class _Logs:
     rows: list[list[IntArray]] = field(init=False)
     block: list[IntArray] = field(init=False)
     known: dict[tuple[int, tuple[float, ...]], FloatArray] = field(default_factory=dict)
+    falls: dict[int, float] = field(default_factory=dict)
+    bases: list[FloatArray | None] = field(init=False)
 
     def __post_init__(self) -> None:
         nj = self.logs[0].slots.shape[1]
         total = sum(log.kept.size for log in self.logs)
         stride = max(1, total // _MOST)
         self.weights, self.rows = np.ones(nj), [[] for _ in range(nj)]
+        self.bases = [None] * nj
         moves = [unresting(log.recording)[log.kept] for log in self.logs]
         place, first = [], 0
         for log in self.logs:
@@ -141,19 +150,39 @@ class _Logs:
     def joints(self) -> int:
         return len(self.rows)
 
+    def take_out(self, ways: FloatArray) -> None:
+        """Take what falls from rest to motion, over ways (nj,), out of all that follows."""
+        self.bases = [
+            self._falling(j, float(ways[j])) if j in self.falls else None
+            for j in range(self.joints)
+        ]
+
+    def _falling(self, j: int, way: float) -> FloatArray:
+        """(n, m) base of c+ max(z, 0) exp(-|v|/speed), c- min(z, 0) exp(-|v|/speed)."""
+        parts = []
+        for log, use in zip(self.logs, self.rows[j], strict=True):
+            z = shares(log, j, way, self.gradual)
+            left = np.exp(-np.abs(log.recording.velocity[:, j]) / self.falls[j])
+            both = np.column_stack((np.maximum(z, 0.0) * left, np.minimum(z, 0.0) * left))
+            parts.append(passed(both, log.recording.step)[log.kept[use]])
+        return orthonormal(np.concatenate(parts))
+
+    def _beside(self, j: int, columns: FloatArray) -> FloatArray:
+        basis = self.bases[j]
+        return columns if basis is None else beside(basis, columns)
+
     def fixed(self, j: int) -> FloatArray:
         """(n, p + 2) columns of a joint that do not depend on ways."""
-        return np.concatenate(
-            [
-                np.hstack((log.rigid[use, j], log.slots[use, j][:, [INERTIA, PLAIN.slots[2]]]))
-                for log, use in zip(self.logs, self.rows[j], strict=True)
-            ]
-        )
+        parts = [
+            np.hstack((log.rigid[use, j], log.slots[use, j][:, [INERTIA, PLAIN.slots[2]]]))
+            for log, use in zip(self.logs, self.rows[j], strict=True)
+        ]
+        return self._beside(j, np.concatenate(parts))
 
     def dry(self, j: int, ways: Sequence[float]) -> FloatArray:
         """(n, 2 len(ways)) columns c+, c- of each way."""
         if (j, tuple(ways)) in self.known:
-            return self.known[j, tuple(ways)]
+            return self._beside(j, self.known[j, tuple(ways)])
         parts = []
         for log, use in zip(self.logs, self.rows[j], strict=True):
             z = [shares(log, j, way, self.gradual) for way in ways]
@@ -161,15 +190,15 @@ class _Logs:
                                     for x in z for s in (True, False)])  # fmt: skip
             parts.append(passed(both, log.recording.step)[log.kept[use]])
         self.known[j, tuple(ways)] = np.concatenate(parts)
-        return self.known[j, tuple(ways)]
+        return self._beside(j, self.known[j, tuple(ways)])
 
     def effort(self, j: int, delay: float, slope: bool = False) -> FloatArray:
         """(n,) of a joint at a delay (s), or its derivative by the delay."""
         parts = []
         for log, use in zip(self.logs, self.rows[j], strict=True):
             times = log.recording.trajectory.t[log.kept[use]] + delay
-            parts.append((log.effort.derivative() if slope else log.effort)(times)[:, j])
-        return np.concatenate(parts)
+            parts.append((log.effort.derivative() if slope else log.effort)(times)[:, [j]])
+        return self._beside(j, np.concatenate(parts))[:, 0]
 
     def free(self, left: FloatArray) -> BoolArray:
         """(m,) which unknowns a fit has: the links', whatever the rows say, and those with rows."""
@@ -249,6 +278,7 @@ def _polished(
     of theta, the delay, and J, k, c+, c-, log d of each joint.
     """
     nj, p = logs.joints, logs.prior.center.size
+    logs.take_out(ways)
     ways, best = ways.copy(), None
     m = p + 1 + 5 * nj
     fixed = [logs.fixed(j) for j in range(nj)]
@@ -325,6 +355,27 @@ def _held_out(logs: _Logs, fit: _Fit, joint: int | None = None) -> FloatArray:
     return errors
 
 
+def _with_falling(logs: _Logs, fit: _Fit) -> _Fit:
+    """Return the fit beside what falls from rest to motion, at the joints where it shows."""
+    for j in range(logs.joints):
+        kept, tried = logs.falls, []
+        for speed in _FALLS:
+            logs.falls = kept | {j: speed}
+            tried.append((_polished(logs, fit.delay, fit.ways, _RIVALS)[0], logs.falls))
+        own, logs.falls = min(tried, key=lambda one: one[0].square)
+        gain, of_joint = _held_out(logs, fit) - _held_out(logs, own), _held_out(logs, fit, j)
+        if gain.sum() > max(_CLEAR * _error(gain), _WORTH * float(of_joint.sum())):
+            fit = own
+        else:
+            logs.falls = kept
+    return fit
+
+
+def _error(of_blocks: FloatArray) -> float:
+    """Standard error of a sum over blocks."""
+    return float(of_blocks.std(ddof=1) * np.sqrt(BLOCKS))
+
+
 def _admitted(
     logs: _Logs, fit: _Fit, plain: float, refusal: Refusal, refused: dict[int, str]
 ) -> _Fit:
@@ -362,7 +413,7 @@ def _earned(
         own, other = _held_out(logs, best, j), _held_out(logs, rival, j)
         gain = other - own
         share = float(gain.sum() / other.sum())
-        error = float(gain.std(ddof=1) * np.sqrt(BLOCKS) / other.sum())
+        error = _error(gain) / float(other.sum())
         gains[j] = share
         if not (share > _CLEAR * error and share > _WORTH):
             best = _admitted(logs, rival, plain, refusal, refused)
@@ -397,6 +448,7 @@ def find_ways(prepared: Sequence[Prepared], prior: Prior, offered: BoolArray) ->
             without, start, ways = _search(logs)
             ways = np.where(offered, ways, 0.0)
             plain = _polished(logs, start, ways)[0]
+        plain = _with_falling(logs, plain) if plain.ways.any() else plain
         best, gains = _earned(logs, plain, without, refusal, refused)
         found.append((logs, best, gains, _held_out(logs, best)))
         if not best.ways.any() and not gradual:
@@ -404,7 +456,7 @@ def find_ways(prepared: Sequence[Prepared], prior: Prior, offered: BoolArray) ->
     logs, best, gains, errors = found[0]
     if len(found) > 1 and found[1][1].ways.any():
         better = errors - found[1][3]
-        if better.sum() > better.std(ddof=1) * np.sqrt(BLOCKS):
+        if better.sum() > _error(better):
             logs, best, gains, errors = found[1]
     refused = {j: why for j, why in refused.items() if best.ways[j] == 0.0}
     fit, scores, left = _polished(logs, best.delay, best.ways)

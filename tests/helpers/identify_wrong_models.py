@@ -134,20 +134,34 @@ def _offset(seed: int, motion: Motion) -> Simulated:
     return motion, motor_effort(truth(), motion) + offset
 
 
-def _presliding(seed: int, motion: Motion) -> Simulated:
-    """Coulomb friction that builds up over some way after a reversal (Dahl).
+def _dahl(motion: Motion) -> np.ndarray:
+    """Friction that builds up over a way after each reversal (Dahl), as shares (T, 6).
 
     dz/dx = (sign v - z) / d, so z - sign v falls as exp(-x/d) between reversals.
     """
-    effort, z = motor_effort(truth(), motion) - coulomb(motion.v), np.empty_like(motion.v)
+    z = np.empty_like(motion.v)
     for j, (q, v) in enumerate(zip(motion.q.T, motion.v.T, strict=True)):
         last = 0.0
         for part in np.split(np.arange(v.size), np.flatnonzero(np.diff(np.sign(v))) + 1):
             sign = np.sign(v[part[0]])
             z[part, j] = sign + (last - sign) * np.exp(-np.abs(q[part] - q[part[0]]) / WAY)
             last = z[part[-1], j]
-    up, down = np.array(COULOMB).T
+    return z
+
+
+def _presliding(seed: int, motion: Motion) -> Simulated:
+    """Coulomb friction that builds up over some way after a reversal."""
+    z, (up, down) = _dahl(motion), np.array(COULOMB).T
+    effort = motor_effort(truth(), motion) - coulomb(motion.v)
     return motion, effort + np.where(z > 0.0, up, down) * z
+
+
+def _lugre(seed: int, motion: Motion) -> Simulated:
+    """The same, larger by a quarter at rest than in motion: LuGre's bristles in slow motion."""
+    z, (up, down) = _dahl(motion), np.array(COULOMB).T
+    effort = motor_effort(truth(), motion) - coulomb(motion.v)
+    more = 1.0 + EXCESS * np.exp(-((motion.v / EXCESS_FALL) ** 2))
+    return motion, effort + np.where(z > 0.0, up, down) * z * more
 
 
 def _power(seed: int, motion: Motion) -> Simulated:
@@ -175,6 +189,8 @@ def _payload(seed: int, motion: Motion) -> Simulated:
 #: Share of friction that is lost as a robot warms up; s of a further delay; rad over which friction
 #: builds up after a reversal; exponent of the speed.
 WARM_UP, LATE, WAY, POWER = 0.2, 0.02, 5e-3, 0.67
+#: Share of Coulomb friction that is more at rest, and rad/s over which it falls.
+EXCESS, EXCESS_FALL = 0.25, 0.08
 
 #: Name -> what a seed makes of a motion.
 CASES: dict[str, Callable[[int, Motion], Simulated]] = {
@@ -189,6 +205,7 @@ CASES: dict[str, Callable[[int, Motion], Simulated]] = {
     "offset": _offset,
     "payload": _payload,
     "presliding": _presliding,
+    "lugre": _lugre,
     "power": _power,
     "warm-up": _warm_up,
     "delay": _late,

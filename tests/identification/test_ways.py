@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from identify_cases import (
+    DELAY,
     NAMES,
     PLAIN,
     Motion,
@@ -19,9 +20,14 @@ from identify_cases import (
 from identify_wrong_models import WAY, wrong_log
 
 import pinfric as pf
+from pinfric.identification import ways
+from pinfric.identification.columns import prepare
+from pinfric.identification.inertias import urdf_prior
 from pinfric.identification.notes import _of_ways
 from pinfric.identification.prediction import after_reversals
-from pinfric.identification.ways import TRIED, Build, Way, _refusal, shares
+from pinfric.identification.recordings import read_recordings
+from pinfric.identification.ways import TRIED, Build, Way, _refusal, find_ways, shares
+from pinfric.motions.log.reading import ReadingOptions
 
 
 @pytest.fixture(scope="module")
@@ -64,6 +70,28 @@ def test_where_friction_jumps_no_way_is_found(found):
 def test_what_only_looks_like_a_way_is_none(case):
     found = pf.identify(guess(31), wrong_log(case, 31, 40.0, 125.0), laws=PLAIN)
     assert not found.estimate.builds_up
+
+
+def ways_of(log):
+    """Ways and delay of a log by themselves, no laws chosen."""
+    scene = guess(21)
+    (recording,) = read_recordings(scene, [log], {}, {}, ReadingOptions())
+    prior = urdf_prior(scene.model, kept=False)
+    return find_ways([prepare(scene, recording)], prior, np.ones(6, dtype=bool))
+
+
+def test_what_falls_from_rest_makes_no_way_shorter_and_no_effort_later(monkeypatch):
+    """LuGre's bristles with a quarter more friction at rest, over 5 mrad."""
+    log = wrong_log("lugre", 21, 30.0, 125.0)
+    build = ways_of(log)
+    assert build.delay == pytest.approx(DELAY, abs=1.5e-3)
+    for j in (0, 3, 4, 5):  # the gears of two joints lose by their load, too
+        way = build.ways[j]
+        assert abs(np.log(way.value / WAY)) < 1.96 * way.error, j
+    monkeypatch.setattr(ways, "_with_falling", lambda logs, fit: fit)
+    alone = ways_of(log)
+    assert alone.delay > DELAY + 4e-3
+    assert all(alone.ways[j].value < 0.85 * WAY for j in (0, 3, 4, 5))
 
 
 def test_joints_that_reverse_three_times_are_not_asked_and_it_says_so():
