@@ -13,6 +13,8 @@ import pinocchio as pin
 
 from pinfric.identification.columns import joint_rows, prepare
 from pinfric.identification.estimate import Estimate, reloaded, scale_is_known
+from pinfric.identification.excitation import SPEED_UP, Reach, informative_moves
+from pinfric.identification.information import Criterion
 from pinfric.identification.laws import INERTIA, K
 from pinfric.identification.normal import BlockProducts, FrictionNormalEquations, Normal, above_zero
 from pinfric.identification.parameters import scene_key
@@ -32,8 +34,9 @@ _HOLD = 0.3
 _BREAK_AWAY, _SLOWLY = 0.03, 2.5
 #: Share of the robot's mass that a load of contrast has, and m by which it stands off.
 _LOAD, _OFF = 0.1, 0.1
-#: A quintic's peak velocity over its mean.
-_PEAK = 15.0 / 8.0
+#: Samples of the logs that tell which next moves show something new, and among whose postures they
+#: are.
+_KNOWN = 400
 
 
 @described
@@ -108,17 +111,27 @@ def _numbers(values: tuple[float, ...]) -> str:
 
 
 def _recordings(estimate: Estimate) -> Iterator[tuple[str, tuple[WayPoint, ...], float]]:
-    """Yield name, way-points and load of each recording to weigh."""
-    q = np.concatenate([log.recording.trajectory.joint_positions() for log in estimate.prepared])
-    v = np.concatenate([log.recording.trajectory.v for log in estimate.prepared])
+    """Yield name, way-points among logged postures, and load of each recording to weigh."""
+    motions = [log.recording.trajectory for log in estimate.prepared]
+    q = np.concatenate([motion.joint_positions() for motion in motions])
+    v, a = (np.concatenate([getattr(motion, x) for motion in motions]) for x in "va")
     limits = 0.8 * np.array([c.velocity_limit for c in joint_columns(estimate.scene.model)])
     fastest = np.minimum(np.maximum(np.quantile(np.abs(v), 0.98, axis=0), 1e-3), limits)
     heavy = float(f"{_LOAD * sum(i.mass for i in tuple(estimate.scene.model.inertias)[1:]):.1g}")
-    yield "As fast as before", _way(q, fastest), 0.0
-    yield "At a fifth of the speed", _way(q, 0.2 * fastest), 0.0
-    yield "Up to twice as fast", _way(q, np.minimum(2.0 * fastest, limits)), 0.0
+    thin = slice(None, None, max(1, len(q) // _KNOWN))
+    criterion = Criterion.of(estimate.scene, q[thin])
+    duration = sum(motion.duration for motion in motions)
+    known = criterion.products(q[thin], v[thin], a[thin]) * (duration / len(q[thin]))
+
+    def way(speed: FloatArray) -> tuple[WayPoint, ...]:
+        reach = Reach(q.min(axis=0), q.max(axis=0), speed, speed / SPEED_UP)
+        return informative_moves(criterion, known, reach, q[thin], _DURATION, hold=_HOLD)
+
+    yield "As fast as before", (again := way(fastest)), 0.0
+    yield "At a fifth of the speed", way(0.2 * fastest), 0.0
+    yield "Up to twice as fast", way(np.minimum(2.0 * fastest, limits)), 0.0
     if _links(estimate.scene):
-        yield f"As fast as before, carrying {heavy:g} kg at the last link", _way(q, fastest), heavy
+        yield f"As fast as before, carrying {heavy:g} kg at the last link", again, heavy
 
 
 def _links(scene: Scene) -> list[str]:
@@ -128,24 +141,6 @@ def _links(scene: Scene) -> list[str]:
         for frame in scene.model.frames
         if frame.type == pin.FrameType.BODY and frame.parentJoint > 0
     ]
-
-
-def _way(q: FloatArray, speed: FloatArray) -> tuple[WayPoint, ...]:
-    """Way-points among logged postures, each far from those before, for 30 s."""
-    size = np.maximum(np.ptp(q, axis=0), 1e-6)
-    pool = np.unique(q[:: max(1, len(q) // 400)] / size, axis=0)
-    here, visited, elapsed = pool[0], [pool[0]], 0.0
-    points = [WayPoint(q=tuple((here * size).tolist()), hold=_HOLD)]
-    while elapsed < _DURATION:
-        apart = np.min([np.linalg.norm(pool - other, axis=1) for other in visited[-4:]], axis=0)
-        there = pool[int(np.argmax(apart))]
-        duration = max(_PEAK * float(np.max(np.abs(there - here) * size / speed)), 0.2)
-        duration = min(duration, _DURATION)
-        points.append(WayPoint(q=tuple((there * size).tolist()), duration=duration, hold=_HOLD))
-        elapsed += duration + _HOLD
-        visited.append(there)
-        here = there
-    return tuple(points)
 
 
 def _weighed(

@@ -29,6 +29,8 @@ _COARSE, _EVALUATIONS, _STARTS = 96, 3000, 12
 _FIRST_STEP, _LAST_STEP, _GROWS, _SHRINKS = 0.5, 0.03, 1.1, 0.985
 #: Samples a move, and moves that are compared for the next one.
 _OF_MOVE, _COMPARED = 12, 8
+#: s in which a joint may come to its top speed where no acceleration is given.
+SPEED_UP = 0.4
 #: Part of a trapezoidal move spent speeding up.
 RAMP = 0.2
 #: Speeds of a staircase, as shares of the joint's, and s of a hold between its moves: the first is

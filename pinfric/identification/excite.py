@@ -12,6 +12,7 @@ from pinfric.dynamics.inverse.inverse import inverse_dynamics
 from pinfric.errors import IdentificationError, choose_from
 from pinfric.identification.excitation import (
     RAMP,
+    SPEED_UP,
     Reach,
     Series,
     informative_moves,
@@ -34,8 +35,6 @@ from pinfric.motions.waypoints import WayPoint, WayPointFile, sample_waypoints
 #: rad: half of the range of a joint whose range is wider, or not limited: nothing is known of what
 #: stands around the robot. Share of a narrower range that is used.
 _HALF_RANGE, _OF_RANGE = 0.5 * np.pi, 0.9
-#: s in which a joint may come to its top speed where no acceleration is given.
-_SPEED_UP = 0.4
 #: Share of the duration for staircases: alone, a joint shows less in a time than with all others.
 _STAIRS = 0.2
 #: Postures among which moves are sought.
@@ -312,7 +311,7 @@ def _reach(
             half = min(half, _HALF_RANGE)
         least, most = ranges.get(name, (middle - half, middle + half))
         speed = speeds.get(name, share * column.velocity_limit)
-        bend = accelerations.get(name, speed / _SPEED_UP)
+        bend = accelerations.get(name, speed / SPEED_UP)
         if not np.isfinite([least, most]).all():
             missing.append(f"range of {name}")
         elif name in ranges and not (low <= least < most <= high):

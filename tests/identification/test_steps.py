@@ -34,8 +34,10 @@ from pinfric.identification import advice
 from pinfric.identification.advice import advice_text
 from pinfric.identification.columns import joint_rows, with_loads
 from pinfric.identification.estimate import _at_an_end, _worse
+from pinfric.identification.excitation import Reach, informative_moves
 from pinfric.identification.files import posterior_text
 from pinfric.identification.findings import HeldOut
+from pinfric.identification.information import Criterion
 from pinfric.identification.laws import (
     BACKWARD,
     FORWARD,
@@ -89,8 +91,12 @@ def test_as_much_again_as_was_logged_makes_errors_smaller_by_the_square_root_of_
 
 
 def test_advised_postures_are_logged_ones():
-    q = np.random.default_rng(0).uniform(size=(50, 2)) * [0.5, 3.0]
-    points = advice._way(q, np.ones(2))
+    scene, draws = pf.load_scene("three_link"), np.random.default_rng(0)
+    q = draws.uniform(size=(50, 3)) * [0.5, 3.0, 1.0]
+    reach = Reach(q.min(axis=0), q.max(axis=0), np.ones(3), np.ones(3))
+    criterion = Criterion.of(scene, q)
+    known = criterion.products(q, *draws.normal(size=(2, 50, 3)))
+    points = informative_moves(criterion, known, reach, q, 20.0)
     assert len({point.q for point in points}) > 4
     assert all(np.abs(q - point.q).max(axis=1).min() < 1e-12 for point in points)
 
