@@ -10,6 +10,7 @@ from pinfric.identification.advice import Advice, advise
 from pinfric.identification.estimate import Estimate
 from pinfric.identification.laws import Law
 from pinfric.identification.misfit import Misfit
+from pinfric.identification.motor_constant import EffortFactor, effort_factors
 from pinfric.identification.parameters import Parameter
 from pinfric.identification.recordings import Recording
 from pinfric.identification.rest import RestBound
@@ -118,6 +119,11 @@ class Findings:
     def advice(self) -> tuple[Advice, ...]:
         """Recordings of 30 s each, the most informative one first."""
         return advise(self.estimate)
+
+    @cached_property
+    def effort_factors(self) -> tuple[EffortFactor, ...]:
+        """Factors on efforts that a known payload shows."""
+        return effort_factors(self.estimate)
 
     def law_of(self, joint: str) -> str:
         """Return a joint's law in words; "not explained" where it has none."""

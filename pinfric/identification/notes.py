@@ -16,6 +16,7 @@ from pinfric.identification.findings import HeldOut
 from pinfric.identification.inertias import mass_changes
 from pinfric.identification.laws import BACKWARD, FORWARD, INERTIA, K
 from pinfric.identification.misfit import Misfit
+from pinfric.identification.motor_constant import EffortFactor, effort_factors
 from pinfric.identification.normal import residuals
 from pinfric.identification.parameters import Parameter
 from pinfric.identification.recordings import stick_velocity
@@ -150,6 +151,9 @@ def notes(
         + _misfits(estimate, clear)
         + _uneven(estimate, uneven)
     )
+    factors = effort_factors(estimate)
+    lines += _payload_factors([x for x in factors if not x.wrong])
+    doubts += _payload_factors([x for x in factors if x.wrong])
     other_scales, small_scales = _scales(estimate, clear)
     doubts += _delays(estimate) + other_scales
     lines += small_scales
@@ -349,6 +353,17 @@ def _scales(estimate: Estimate, shapes: Sequence[Misfit]) -> tuple[list[str], li
         "motor constant"
     ]
     return doubts * bool(wrong), lines * bool(small)
+
+
+def _payload_factors(factors: Sequence[EffortFactor]) -> list[str]:
+    """What a known payload says of efforts' factors, with 95 % intervals."""
+    each = [f"{x.name} {x.value:.3g} [{x.low:.3g}, {x.high:.3g}]" for x in factors]
+    wrong = any(x.wrong for x in factors)
+    line = "by the known payload, logged efforts are so many times the true ones"
+    if wrong:
+        line += f" (its unit, gear ratio or motor constant? --gain {factors[0].name}="
+        line += f"{1.0 / factors[0].value:.3g} times the present gain)"
+    return [f"{line}: {', '.join(each)}"] * bool(each)
 
 
 def _of_ways(estimate: Estimate) -> list[str]:

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from pinfric.identification.advice import Advice
 from pinfric.identification.findings import Findings, HeldOut
 from pinfric.identification.laws import PLAIN
+from pinfric.identification.motor_constant import EffortFactor
 from pinfric.identification.parameters import Parameter
 from pinfric.identification.rest import RestBound
 from pinfric.model.described import EFFORT, PLACE, described, gathered, quantity
@@ -105,6 +106,9 @@ class IdentifySummary:
     delay_standard_error: float = quantity("standard error of the delay", "s")
     joints: tuple[JointFriction, ...] = quantity("in the order of the model")
     parameters: tuple[Parameter, ...] = quantity("every coefficient, by its key in the scene")
+    effort_factors: tuple[EffortFactor, ...] = quantity(
+        "factors on efforts, where some logs carry a known payload and others do not"
+    )
     unseen: Mapping[str, Mapping[str, HeldOut]] = quantity(
         "log -> joint -> error on logs that were held out as a whole"
     )
