@@ -31,7 +31,7 @@ def identified(factors):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("factors", [{}, {1: 0.8, 2: 0.8}], ids=["right", "wrong"])
+@pytest.mark.parametrize("factors", [{}, {1: 1.2, 2: 1.3}], ids=["right", "wrong"])
 def test_factors_are_in_their_intervals_and_wrong_ones_are_doubted(factors):
     """Both at once, where other joints' efforts would contradict neither alone."""
     given = np.array([factors.get(j, 1.0) for j in range(6)])
