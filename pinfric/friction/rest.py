@@ -343,6 +343,8 @@ class _Shared:
             way = np.where(near != 0.0, near, towards)
             limits = np.array([self.most[group], -self.least[group]])
             limit, used = np.where(way > 0.0, *limits), joint_sizes(near, block)
+            if self.mechanism.ball[group].any():  # beside balls by the side of the last pass
+                limits[:] = limit
             most = float((used / np.where(limit > 0.0, limit, np.inf)).max())
             owner, slope = p.coordinate[p.contact_entry], np.zeros((len(x), len(x)))  # of limits
             add_load_slopes(p.contact, owner, p.grip[p.contact_entry], x, slope)
