@@ -157,7 +157,7 @@ def _presliding(seed: int, motion: Motion) -> Simulated:
 
 
 def _lugre(seed: int, motion: Motion) -> Simulated:
-    """The same, larger by a quarter at rest than in motion: LuGre's bristles in slow motion."""
+    """The same, larger by half at rest than in motion: LuGre's bristles in slow motion."""
     z, (up, down) = _dahl(motion), np.array(COULOMB).T
     effort = motor_effort(truth(), motion) - coulomb(motion.v)
     more = 1.0 + EXCESS * np.exp(-((motion.v / EXCESS_FALL) ** 2))
@@ -190,7 +190,7 @@ def _payload(seed: int, motion: Motion) -> Simulated:
 #: builds up after a reversal; exponent of the speed.
 WARM_UP, LATE, WAY, POWER = 0.2, 0.02, 5e-3, 0.67
 #: Share of Coulomb friction that is more at rest, and rad/s over which it falls.
-EXCESS, EXCESS_FALL = 0.25, 0.08
+EXCESS, EXCESS_FALL = 0.5, 0.2
 
 #: Name -> what a seed makes of a motion.
 CASES: dict[str, Callable[[int, Motion], Simulated]] = {

@@ -81,8 +81,8 @@ def ways_of(log):
 
 
 def test_what_falls_from_rest_makes_no_way_shorter_and_no_effort_later(monkeypatch):
-    """LuGre's bristles with a quarter more friction at rest, over 5 mrad."""
-    log = wrong_log("lugre", 21, 30.0, 125.0)
+    """LuGre's bristles with half more friction at rest, over 5 mrad."""
+    log = wrong_log("lugre", 21, 20.0, 125.0)
     build = ways_of(log)
     assert build.delay == pytest.approx(DELAY, abs=1.5e-3)
     for j in (0, 3, 4, 5):  # the gears of two joints lose by their load, too
@@ -90,8 +90,9 @@ def test_what_falls_from_rest_makes_no_way_shorter_and_no_effort_later(monkeypat
         assert abs(np.log(way.value / WAY)) < 1.96 * way.error, j
     monkeypatch.setattr(ways, "_with_falling", lambda logs, fit: fit)
     alone = ways_of(log)
-    assert alone.delay > DELAY + 4e-3
-    assert all(alone.ways[j].value < 0.85 * WAY for j in (0, 3, 4, 5))
+    assert alone.delay > DELAY + 1e-2
+    found = [alone.ways[j] for j in (0, 3, 4, 5)]
+    assert all(way is None or way.value < 0.5 * WAY for way in found)
 
 
 def test_joints_that_reverse_three_times_are_not_asked_and_it_says_so():
