@@ -33,10 +33,9 @@ from pinfric.friction.law import add_load_slopes, evaluate, slip_law, stick_limi
 from pinfric.friction.problem import Modes, Problem, bounded
 from pinfric.friction.sharing import Group, joint_sizes, share_nearby, share_one
 
-#: Passes of Anderson's extrapolation, and after how many the error must be half of what it was.
-_PASSES, _STALLED = 400, 60
-#: Passes in given modes, whatever gears hold, after which no other way is begun.
-_MOST_SHARED = 2_000
+#: Passes of Anderson's extrapolation; those in given modes, whatever gears hold, after which no
+#: other way is begun.
+_PASSES, _MOST_SHARED = 400, 2_000
 
 
 def connected(linked: np.ndarray) -> list[np.ndarray]:
@@ -413,8 +412,6 @@ def anderson(step: _Shared, x: np.ndarray, sharp: float) -> tuple[np.ndarray | N
         best = min(best, error)
         if since > 12 and error <= 1e-12 * size:
             return image, passes  # rounding
-        if since > _STALLED:
-            return None, passes
         points, residuals = [*points[-4:], image], [*residuals[-4:], residual]
         x = image
         if len(points) > 1:

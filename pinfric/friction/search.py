@@ -148,7 +148,8 @@ class _Query:
             m.effort[:] = efforts
             lines = lines_and_rows(self.problem, m)[0]
             solutions, obeying = solve_modes(self.problem, m, self.mechanism, chosen=True)
-            if solutions > 0 and not any(_same(m, answer.modes) for answer in solved):
+            known = solutions > 0 and np.isfinite(m.friction).all()
+            if known and not any(_same(m, answer.modes) for answer in solved):
                 lasts = lasts_under_loads(self.problem, m, lines[:, 0])
                 solved.append(Answer(m.copy(), stable if lasts is None else lasts))
                 self.answers += solved[-1:] * obeying
