@@ -27,6 +27,7 @@ import typer
 from pinfric import __version__
 from pinfric.errors import PinfricWarning, one_line
 from pinfric.kernels import NOTICES
+from pinfric.model.brief import time_left
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -390,15 +391,6 @@ def working(what: str) -> Iterator[Callable[[str], None]]:
         yield lambda step: status.update(f"{what}: {step}")
 
 
-def _duration(seconds: float) -> str:
-    """A time that is not known well: "some 40 s", "some 3 min", "some 5 h"."""
-    if seconds < 120.0:
-        return f"some {seconds:.0f} s"
-    return (
-        f"some {seconds / 60.0:.0f} min" if seconds < 7200.0 else f"some {seconds / 3600.0:.0f} h"
-    )
-
-
 @contextmanager
 def progress(what: str) -> Iterator[Callable[[int, int], None]]:
     """Give a function of the counts done and in total; on a terminal it draws a bar."""
@@ -407,9 +399,8 @@ def progress(what: str) -> Iterator[Callable[[int, int], None]]:
 
         def line() -> str:
             done, total = counts[-1]
-            left = (time.monotonic() - began) * (total - done) / max(done, 1)
-            known = done >= _EVEN and left >= PERIOD
-            return f"{what}: {done} of {total or '?'} done" + known * f", {_duration(left)} left"
+            left = time_left(began, done, total, PERIOD) if done >= _EVEN else ""
+            return f"{what}: {done} of {total or '?'} done{left}"
 
         with _repeated(line):
             yield lambda done, total: counts.append((done, total))

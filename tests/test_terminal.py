@@ -27,9 +27,9 @@ from pinfric.errors import (
 )
 from pinfric.formats import FORMATS
 from pinfric.kernels import NOTICES
+from pinfric.model.brief import time_left
 from pinfric.model.csv_text import number_of
 from pinfric.model.entry import parse
-from pinfric.sizing.choice import time_left
 
 
 def shell(*arguments, **options):
@@ -73,7 +73,7 @@ def test_on_a_pipe_a_line_says_how_far_a_command_is(capsys, monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("passed", "left"), [(0.5, ""), (30.0, ", some 90 s left"), (3600.0, ", some 3 h left")]
+    ("passed", "left"), [(0.5, ""), (30.0, ", about 90 s left"), (3600.0, ", about 3 h left")]
 )
 def test_of_many_steps_the_time_left_is_told(monkeypatch, capsys, passed, left):
     monkeypatch.setattr(terminal, "_FIRST", 0.02)
@@ -117,7 +117,7 @@ def test_sizing_says_at_which_drive_it_is_until_its_end(files, monkeypatch, caps
 
 
 def test_time_is_left_in_proportion_to_like_steps_that_are_done(monkeypatch):
-    monkeypatch.setattr("pinfric.sizing.choice.monotonic", lambda: 130.0)
+    monkeypatch.setattr("pinfric.model.brief.time.monotonic", lambda: 130.0)
     assert time_left(100.0, 10, 40) == ", about 90 s left"
     assert time_left(100.0, 0, 40) == ""  # nothing is known
     assert time_left(100.0, 39, 40) == ""  # less than a second

@@ -24,7 +24,7 @@ from pinfric.model.described import described, quantity
 from pinfric.model.scene import Scene
 from pinfric.motions.joint_columns import configurations, joint_columns
 from pinfric.motions.trajectory import Trajectory
-from pinfric.motions.waypoints import WayPoint, WayPointFile, sample_waypoints
+from pinfric.motions.waypoints import WayPoint, WayPointFile, sample_waypoints, waypoints_text
 
 #: s of each recording that is weighed, and Hz of its samples.
 _DURATION, _RATE = 30.0, 100.0
@@ -82,32 +82,27 @@ def advice_text(advice: Advice, scene: Scene) -> str:
         for j in range(len(start))
         for step in (_BREAK_AWAY, 0.0, -_BREAK_AWAY, 0.0)
     ]
-    lines = [
-        f"# {advice.name}. What 30 s of it would change:",
-        "#",
-        *(
-            f"#   standard error of {key}: {factor:.2f} of the present one"
-            for key, factor in sorted(advice.factors.items(), key=lambda pair: pair[1])[:8]
-        ),
-        "#",
-        "# First each joint leaves rest alone, in both directions, so slowly that its effort rises",
-        "# until it breaks away: only this shows static friction. Postures are from your logs; the",
-        "# moves between them are straight in joint space: check them for collisions.",
-        "pinfric_trajectory: 1",
-        f"sample_rate: {_RATE:g}",
-        f"joints: [{', '.join(scene.joint_names)}]",
-        "points:",
-        f"  - {{q: {_numbers(start)}, hold: 1.0}}",
-        *(
-            f"  - {{q: {_numbers(p.q)}, duration: {p.duration:.4g}, hold: {p.hold:g}}}"
-            for p in (*departures, *advice.points[1:])
-        ),
-    ]
-    return "\n".join(lines) + "\n"
-
-
-def _numbers(values: tuple[float, ...]) -> str:
-    return f"[{', '.join(f'{x:.4f}' for x in values)}]"
+    file = WayPointFile(
+        pinfric_trajectory=1,
+        sample_rate=_RATE,
+        joints=scene.joint_names,
+        points=(WayPoint(q=start, hold=1.0), *departures, *advice.points[1:]),
+    )
+    return waypoints_text(
+        file,
+        [
+            f"{advice.name}. What 30 s of it would change:",
+            "",
+            *(
+                f"  standard error of {key}: {factor:.2f} of the present one"
+                for key, factor in sorted(advice.factors.items(), key=lambda pair: pair[1])[:8]
+            ),
+            "",
+            "First each joint leaves rest alone, in both directions, so slowly that its effort",
+            "rises until it breaks away: only this shows static friction. Postures are from your",
+            "logs; the moves between them are straight in joint space: check them for collisions.",
+        ],
+    )
 
 
 def _recordings(estimate: Estimate) -> Iterator[tuple[str, tuple[WayPoint, ...], float]]:

@@ -30,7 +30,7 @@ from pinfric.model.scene import Scene, expect_scene
 from pinfric.motions.joint_columns import JointColumn, configurations, joint_columns, stated_limit
 from pinfric.motions.summary import effort_unit
 from pinfric.motions.trajectory import Trajectory
-from pinfric.motions.waypoints import WayPoint, WayPointFile, sample_waypoints
+from pinfric.motions.waypoints import WayPoint, WayPointFile, sample_waypoints, waypoints_text
 
 #: rad: half of the range of a joint whose range is wider, or not limited: nothing is known of what
 #: stands around the robot. Share of a narrower range that is used.
@@ -218,7 +218,7 @@ def _plan(
         rates[[0, -1]] = 0.0  # they are but for rounding
     home = motion[0][0]
     stairs = staircases(reach, home, _STAIRS * duration)
-    alone = _evenly(_file((_resting(home), *stairs), rate), columns)
+    alone = _evenly(_file(scene, (_resting(home), *stairs), rate), columns)
     whole = [np.concatenate(pair) for pair in zip(motion, alone[1:], strict=True)]
     trajectory = _trajectory(scene, columns, np.append(t, t[-1] + 1.0 / rate + alone[0]), whole)
     postures = motion[0][:: max(1, samples // (count * _POSTURES))]
@@ -230,7 +230,7 @@ def _plan(
     )
     ending = move_time(reach, np.array(moves[-1].q) - home, "trapezoidal")
     homing = WayPoint(q=tuple(home.tolist()), duration=max(ending, 0.2), hold=0.5)
-    waypoints = _file((*moves, homing, *stairs), rate)
+    waypoints = _file(scene, (*moves, homing, *stairs), rate)
     times, *moved = _evenly(waypoints, columns)
     stepped = _trajectory(scene, columns, times, moved)
     return _Plan(reach, series, trajectory, float(t[-1]), waypoints, stepped)
@@ -240,9 +240,14 @@ def _resting(q: FloatArray) -> WayPoint:
     return WayPoint(q=tuple(q.tolist()), hold=0.5)
 
 
-def _file(points: tuple[WayPoint, ...], rate: float) -> WayPointFile:
+def _file(scene: Scene, points: tuple[WayPoint, ...], rate: float) -> WayPointFile:
     return WayPointFile(
-        pinfric_trajectory=1, profile="trapezoidal", ramp=RAMP, sample_rate=rate, points=points
+        pinfric_trajectory=1,
+        profile="trapezoidal",
+        ramp=RAMP,
+        sample_rate=rate,
+        joints=scene.joint_names,
+        points=points,
     )
 
 
@@ -323,15 +328,10 @@ def _reach(
             missing.append(f"range of {name}, which stays at {least:g} (lock it: robot: locked)")
         if name not in speeds and not np.isfinite(speed):
             missing.append(f"speed of {name}")
-        for option, value, limit in (
-            ("speed", speed, column.velocity_limit),
-            ("acceleration", bend, np.inf),
-        ):
-            if name in {"speed": speeds, "acceleration": accelerations}[option] and not (
-                np.isfinite(value) and 0.0 < value <= limit
-            ):
-                allowed = f"; the URDF allows {limit:g}" if np.isfinite(limit) else ""
-                wrong.append(f"{option} {name}={value:g}: should be above 0{allowed}")
+        if name in speeds:
+            wrong += _not_positive(f"speed {name}", speed, column.velocity_limit)
+        if name in accelerations:
+            wrong += _not_positive(f"acceleration {name}", bend, np.inf)
         rows.append((least, most, speed, bend))
     if wrong:
         raise IdentificationError(f"{scene.source}: {'; '.join(wrong)}")
@@ -341,6 +341,13 @@ def _reach(
             "JOINT=VALUE, a range JOINT=LOW:HIGH)"
         )
     return Reach(*np.array(rows, dtype=float).T)
+
+
+def _not_positive(what: str, value: float, most: float) -> list[str]:
+    if np.isfinite(value) and 0.0 < value <= most:
+        return []
+    allowed = f"; the URDF allows {most:g}" if np.isfinite(most) else ""
+    return [f"{what}={value:g}: should be above 0{allowed}"]
 
 
 def _check(scene: Scene, duration: float, rate: float, share: float) -> None:
@@ -382,7 +389,6 @@ def excitation_files(excitation: Excitation) -> dict[str, str | Callable[[Path],
         "excitation.csv": excitation.trajectory.to_csv,
         "excitation.waypoints.yaml": waypoints_text(
             excitation.waypoints,
-            excitation.scene.joint_names,
             [
                 "An excitation by `pinfric excite`: moves of all joints, each the one that tells",
                 "most about friction; then each joint alone at rising speeds. Moves are straight",
@@ -390,15 +396,3 @@ def excitation_files(excitation: Excitation) -> dict[str, str | Callable[[Path],
             ],
         ),
     }
-
-
-def waypoints_text(file: WayPointFile, joints: tuple[str, ...], header: list[str]) -> str:
-    """Return a way-point file as text."""
-    lines = [*(f"# {line}".rstrip() for line in header), "pinfric_trajectory: 1"]
-    if file.profile != "quintic":
-        lines += [f"profile: {file.profile}", f"ramp: {file.ramp:g}"]
-    lines += [f"sample_rate: {file.sample_rate:g}", f"joints: [{', '.join(joints)}]", "points:"]
-    for p in file.points:
-        time = "" if p.duration is None else f"duration: {p.duration:.4f}, "
-        lines.append(f"  - {{q: [{', '.join(f'{x:.6f}' for x in p.q)}], {time}hold: {p.hold:g}}}")
-    return "\n".join(lines) + "\n"

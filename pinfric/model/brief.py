@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import textwrap
+import time
 from collections.abc import Iterable, Mapping, Sequence
 from math import floor, log10
 from pathlib import Path
@@ -66,3 +67,21 @@ def rounded_down(x: float) -> str:
     """Return three digits of a number, no more than it."""
     near = float(f"{x:.3g}")
     return f"{near if near <= x else near - 10.0 ** (floor(log10(x)) - 2):.3g}"
+
+
+def time_left(began: float, done: int, total: int, least: float = 1.0) -> str:
+    """Return ", about 12 s left" of like steps; empty while none is done, or below `least` s.
+
+    Args:
+        began: `time.monotonic()` at the first, s. done, total: numbers of steps.
+    """
+    left = (time.monotonic() - began) * (total - done) / max(done, 1)
+    if not done or left < least:
+        return ""
+    if left < 120.0:
+        return f", about {left:.0f} s left"
+    return (
+        f", about {left / 60.0:.0f} min left"
+        if left < 7200.0
+        else f", about {left / 3600.0:.0f} h left"
+    )

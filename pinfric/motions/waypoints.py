@@ -43,7 +43,7 @@ from pinfric.model.entry import (
 )
 from pinfric.model.magnitudes import LONGEST_TIME
 from pinfric.model.schema import Moments
-from pinfric.model.yamlfile import read_yaml
+from pinfric.model.yamlfile import read_yaml, yaml_line
 from pinfric.motions.joint_columns import JointColumn, limit_problems, refuse
 from pinfric.motions.log.reading import ANGLE_UNITS
 from pinfric.motions.sample_times import check_memory, same_instant, sample_times
@@ -233,6 +233,24 @@ class Move:
         """When nothing moves, s: the hold, and a move to where the robot is."""
         still = self.line is None and bool((self.begin == self.end).all())
         return [(self.start, self.arrival)] * still + [(self.arrival, self.departure)]
+
+
+def waypoints_text(file: WayPointFile, header: Iterable[str]) -> str:
+    """Return a way-point file of joint positions as text, under a comment of these lines."""
+    lines = [*(f"# {line}".rstrip() for line in header), "pinfric_trajectory: 1"]
+    if file.profile != "quintic":
+        lines.append(f"profile: {file.profile}")
+    if file.ramp is not None:
+        lines.append(f"ramp: {file.ramp:g}")
+    lines.append(f"sample_rate: {file.sample_rate:g}")
+    if file.joints is not None:
+        names = ", ".join(yaml_line(name, within=True) for name in file.joints)
+        lines.append(f"joints: [{names}]")
+    lines.append("points:")
+    for p in file.points:
+        time = "" if p.duration is None else f"duration: {p.duration:.4f}, "
+        lines.append(f"  - {{q: [{', '.join(f'{x:.6f}' for x in p.q)}], {time}hold: {p.hold:g}}}")
+    return "\n".join(lines) + "\n"
 
 
 def quintic(s: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -29,6 +29,7 @@ from pinfric.drives.held import held_drives
 from pinfric.drives.robot import carried, equip, tip_to_base
 from pinfric.dynamics.inverse.result import InverseResult
 from pinfric.errors import PinfricWarning, StopError
+from pinfric.model.brief import time_left
 from pinfric.model.schema import Stops
 from pinfric.motions.trajectory import Trajectory
 from pinfric.sizing.drive_search import Assessment, momentary_peak
@@ -115,16 +116,6 @@ def asked(task: Task, memory: Memory, choice: Choice, i: int, alone: str = "") -
     load = memory.load(task, i, task.added(choice.taken), choice.solved, alone)
     banned = choice.banned.get(i, frozenset())
     return memory.asked(task, i, load, choice.stops(i), banned, choice.most)
-
-
-def time_left(began: float, done: int, total: int) -> str:
-    """Return ", about 12 s left" of like steps; empty while none is done, or a second is left.
-
-    Args:
-        began: `time.monotonic()` at the first. done, total: their numbers.
-    """
-    seconds = (monotonic() - began) * (total - done) / max(done, 1)
-    return f", about {seconds:.0f} s left" if done and seconds >= 1.0 else ""
 
 
 # ------------------------------------------------------------------------------ the questions

@@ -17,11 +17,11 @@ from pinfric.drives.policy import OWN_BEARING, of_maker
 from pinfric.drives.power import BusPower
 from pinfric.drives.rules import resonance
 from pinfric.elastic.summary import ElasticSummary, elastic_summary
+from pinfric.model.brief import time_left
 from pinfric.model.described import EFFORT, INERTIA, SPEED, described, gathered, quantity
 from pinfric.model.mass_matrix import frame_jacobians
 from pinfric.model.robot import link_frame
 from pinfric.motions.rating import Rated
-from pinfric.sizing.choice import time_left
 from pinfric.sizing.drive_search import Ask, Assessment, stiffness_of
 from pinfric.sizing.report import JointSizing, SizingReport
 from pinfric.sizing.sensitivity import Sensitivity

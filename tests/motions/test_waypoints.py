@@ -15,6 +15,7 @@ from pinfric.motions.waypoints import (
     read_waypoints,
     sample_waypoints,
     trapezoidal,
+    waypoints_text,
 )
 
 
@@ -356,3 +357,22 @@ def test_a_file_that_fails_while_it_is_read_is_refused(tmp_path):
     way.symlink_to("/proc/self/mem")  # a regular file, whose first byte is an I/O error
     with pytest.raises(TrajectoryError, match=r"broken.yaml: cannot be read: Input/output error"):
         load_trajectory(way, arm_scene())
+
+
+def test_what_is_written_is_read_back_whatever_joints_are_called(tmp_path):
+    names = ("yes", "1.5", "a: b, [c]", "# d")
+    file = WayPointFile(
+        pinfric_trajectory=1,
+        profile="trapezoidal",
+        ramp=0.25,
+        sample_rate=250,
+        joints=names,
+        points=(
+            {"q": [0.0, -0.5, 1.25, 1e-6], "hold": 0.5},
+            {"q": [1.0, 2.0, -3.0, 0.0], "duration": 1.5},
+            {"q": [0.0, 0.0, 0.0, 0.0], "hold": 0.25},
+        ),
+    )
+    path = write(tmp_path, "motion.yaml", waypoints_text(file, ["Of joints", "", "  with names"]))
+    assert path.read_text().startswith("# Of joints\n#\n#   with names\n")
+    assert read_waypoints(path) == file
