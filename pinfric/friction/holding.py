@@ -106,11 +106,7 @@ def decide(
 
 def _decide_alone(problem: Problem, resting: np.ndarray, balance: Balance) -> Verdict:
     """The verdict where equilibrium leaves one friction, each equation its own: open chains."""
-    x, noise, load = (
-        np.zeros(len(problem.rate_free)),
-        np.zeros(len(resting)),
-        problem.constant.copy(),
-    )
+    x, noise = np.zeros(len(problem.rate_free)), np.zeros(len(resting))
     rows, columns = np.nonzero(balance.rows)
     entry = balance.rows[rows, columns]
     x[resting[columns]] = balance.need[rows] / entry

@@ -233,16 +233,26 @@ def along(scene: Scene, motion: Trajectory) -> tuple[FloatArray, FloatArray]:
     return effort, load
 
 
+def regressors(scene: Scene, q: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:
+    """Return (T, nj, 10 nj) efforts by inertial parameters of links; P times it with couples."""
+    model, nj = scene.model, scene.model.nv
+    data, P = model.createData(), delivery(scene.drives, nj)
+    states = zip(q, v, a, strict=True)
+    Y = np.array(
+        [pin.computeJointTorqueRegressor(model, data, *state) for state in states]
+    ).reshape(-1, nj, 10 * nj)  # of one joint they are vectors
+    return np.asarray(P @ Y) if P.size else Y
+
+
 def _rigid_columns(
     scene: Scene, recording: Recording, kept: IntArray
 ) -> tuple[FloatArray, NDArray[np.float32]]:
-    """Pinocchio's regressor of the links' inertial parameters, low-passed: (n, nj, 10 nj); rates.
+    """Return regressors of the links' inertial parameters, low-passed: (n, nj, 10 nj); rates.
 
-    Of coupled drives P times it. Computed in parts to fit in memory; they overlap by the time over
-    which the low pass has influence.
+    Computed in parts to fit in memory; they overlap by the time over which the low pass has
+    influence.
     """
-    model, motion, nj = scene.model, recording.trajectory, scene.model.nv
-    data, P = model.createData(), delivery(scene.drives, nj)
+    motion, nj = recording.trajectory, scene.model.nv
     beyond = int(np.ceil(_FORGOTTEN / recording.step))
     thin = np.zeros((kept.size, nj, 10 * nj))
     rates = thin.astype(np.float32)
@@ -250,11 +260,7 @@ def _rigid_columns(
         own = np.flatnonzero((kept >= first) & (kept < first + PART))
         start = max(first - beyond, 0)
         span = slice(start, first + PART + beyond)
-        states = zip(motion.q[span], motion.v[span], motion.a[span], strict=True)
-        regressor = np.array(
-            [pin.computeJointTorqueRegressor(model, data, q, v, a) for q, v, a in states]
-        ).reshape(-1, nj, 10 * nj)  # of one joint they are vectors
-        regressor = P @ regressor if P.size else regressor
+        regressor = regressors(scene, motion.q[span], motion.v[span], motion.a[span])
         for j in range(nj):
             used = np.flatnonzero(regressor[:, j].any(axis=0))
             whole = passed(regressor[:, j, used], recording.step)

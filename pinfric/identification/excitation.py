@@ -122,7 +122,7 @@ def informative_series(criterion: Criterion, reach: Reach, duration: float, seed
 
     def worth(series: Series) -> float:
         t = np.arange(_COARSE) * series.period / _COARSE
-        return criterion.value(criterion.products(*series.motion(reach, t)))[0]
+        return criterion.value(criterion.products(*series.motion(reach, t)))
 
     starts = [random_series(reach, p, draws) for p in periods for _ in range(_STARTS)]
     values = [worth(series) for series in starts]
@@ -168,7 +168,7 @@ def informative_moves(
     points = [WayPoint(q=tuple(here.tolist()), hold=hold)]
     s = (np.arange(_OF_MOVE) + 0.5) / _OF_MOVE
     b, rate, bend = quintic(s) if profile == "quintic" else trapezoidal(s, RAMP)
-    value = criterion.value(known)[0]
+    value = criterion.value(known)
     while elapsed < duration:
         found: tuple[float, FloatArray, float, FloatArray, float] | None = None
         for k in draws.integers(len(postures), size=_COMPARED).tolist():
@@ -180,7 +180,7 @@ def informative_moves(
                 np.outer(bend, change) / time**2,
             )
             both = known + own * (time / _OF_MOVE)
-            worth = criterion.value(both)[0]
+            worth = criterion.value(both)
             if found is None or (worth - value) / (time + hold) > found[0]:
                 found = (worth - value) / (time + hold), postures[k], time, both, worth
         assert found is not None  # several are compared

@@ -10,7 +10,7 @@ from pinfric.identification.advice import Advice, advise
 from pinfric.identification.estimate import Estimate
 from pinfric.identification.laws import Law
 from pinfric.identification.misfit import Misfit
-from pinfric.identification.motor_constant import EffortFactor, effort_factors
+from pinfric.identification.motor_constant import EffortFactor
 from pinfric.identification.parameters import Parameter
 from pinfric.identification.recordings import Recording
 from pinfric.identification.rest import RestBound
@@ -86,6 +86,7 @@ class Findings:
         spread: joint -> how much friction differs between logs, as a share; NaN with one log.
         delay: by which logged efforts lag behind the motion, s; a guess where it is vague.
         misfits: what residuals still depend on; intervals are widened for it.
+        effort_factors: factors on efforts that a known payload shows.
         doubts: what contradicts the result.
         notes: the doubts, then what was read, repaired, left out, and what the logs cannot show.
         estimate: rows and coefficients behind all this.
@@ -101,6 +102,7 @@ class Findings:
     spread: Mapping[str, float]
     delay: float
     misfits: tuple[Misfit, ...]
+    effort_factors: tuple[EffortFactor, ...]
     doubts: tuple[str, ...]
     notes: tuple[str, ...]
     estimate: Estimate
@@ -119,11 +121,6 @@ class Findings:
     def advice(self) -> tuple[Advice, ...]:
         """Recordings of 30 s each, the most informative one first."""
         return advise(self.estimate)
-
-    @cached_property
-    def effort_factors(self) -> tuple[EffortFactor, ...]:
-        """Factors on efforts that a known payload shows."""
-        return effort_factors(self.estimate)
 
     def law_of(self, joint: str) -> str:
         """Return a joint's law in words; "not explained" where it has none."""

@@ -19,6 +19,7 @@ from pinfric.identification.files import identified_files
 from pinfric.identification.findings import Findings
 from pinfric.identification.laws import COULOMB, RESTS_ON, STRIBECK_VELOCITY, K, Law
 from pinfric.identification.misfit import misfits
+from pinfric.identification.motor_constant import effort_factors
 from pinfric.identification.normal import Fit, FrictionNormalEquations, residuals
 from pinfric.identification.notes import notes
 from pinfric.identification.parameters import (
@@ -198,7 +199,8 @@ def _identified(estimate: Estimate, unseen: Sequence[Recording], seed: int) -> I
     spread = dict(zip(names, known.spread.tolist(), strict=True))
     coefficients = parameters(estimate, known, static)
     errors = held_out_errors(estimate, better)
-    said = notes(estimate, bounds, coefficients, static, errors, shapes, known.uneven)
+    factors = effort_factors(estimate)
+    said = notes(estimate, bounds, coefficients, static, errors, factors, shapes, known.uneven)
     return Identified(
         scene=better,
         laws={names[j]: estimate.choice.laws[j] for j in estimate.known},
@@ -212,6 +214,7 @@ def _identified(estimate: Estimate, unseen: Sequence[Recording], seed: int) -> I
         doubts=said.doubts,
         notes=said.doubts + said.others,
         misfits=shapes,
+        effort_factors=factors,
         estimate=estimate,
     )
 

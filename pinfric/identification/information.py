@@ -14,14 +14,15 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from pinfric.identification.inertias import urdf_prior
+from pinfric.identification.columns import regressors
+from pinfric.identification.inertias import parameters, urdf_prior
 from pinfric.model.arrays import BoolArray, FloatArray
-from pinfric.model.couples import delivery, rate_rows
+from pinfric.model.couples import rate_rows
 from pinfric.model.scene import Scene
 from pinfric.motions.joint_columns import configurations, joint_columns
 
 #: Columns of a joint: rotor; Coulomb forward and backward, viscous, load.
-_OWN, _FRICTION = 5, 4
+_OWN = 5
 #: Share of a joint's fastest motion, and of the largest effort by gravity, below which it does not
 #: slide, and its load is none.
 _SLIDES, _LOADED = 0.01, 0.02
@@ -66,30 +67,18 @@ class Criterion:
     def products(self, position: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:
         """Return (nj, p, p) products of each joint's columns over a motion, (T, nj) each."""
         model, nj = self.scene.model, self.scene.model.nv
-        data, P = model.createData(), delivery(self.scene.drives, nj)
-        q = configurations(joint_columns(model), position, model.nq)
-        Y = np.array(
-            [
-                pin.computeJointTorqueRegressor(model, data, *state)
-                for state in zip(q, v, a, strict=True)
-            ]
-        ).reshape(-1, nj, 10 * nj)
+        Y = regressors(self.scene, configurations(joint_columns(model), position, model.nq), v, a)
         rates = rate_rows(self.scene.drives, nj)
-        Y = P @ Y if P.size else Y
         v, a = v @ rates.T, a @ rates.T
-        theta = np.concatenate([link.toDynamicParameters() for link in model.inertias[1:]])
-        rigid = Y @ theta
+        rigid = Y @ parameters(model)
         columns = [a, 1.0 * (v > 0.0), -1.0 * (v < 0.0), v, np.sign(v) * np.abs(rigid)]
         whole = np.concatenate((Y, np.stack(columns, axis=2)), axis=2)
         fastest = np.abs(v).max(axis=0, initial=_LEAST)
         whole *= (np.abs(v) > _SLIDES * fastest)[:, :, None] / (_NOISE * self.size[:, None])
         return np.asarray(np.einsum("tjp,tjq->jpq", whole, whole, optimize=True))
 
-    def value(self, products: FloatArray) -> tuple[float, FloatArray]:
-        """Return log det S, and (nj,) the part of each joint's own coefficients.
-
-        The part of a joint is -log det of the covariance of its coefficients.
-        """
+    def value(self, products: FloatArray) -> float:
+        """Return log det S."""
         nj = len(products)
         p = 10 * nj
         whole = np.zeros((p + _OWN * nj, p + _OWN * nj))
@@ -105,18 +94,5 @@ class Criterion:
         whole /= np.outer(size, size)
         whole[np.diag_indices(len(whole))] += _LEAST
         covariance = np.linalg.inv(whole)[np.ix_(friction, friction)]
-        owner = np.repeat(np.arange(nj), _OWN)[friction[p:]]
         scale = 2.0 * np.log(size[friction])
-        parts = np.array(
-            [
-                scale[owner == j].sum()
-                - np.linalg.slogdet(covariance[np.ix_(owner == j, owner == j)])[1]
-                for j in range(nj)
-            ]
-        )
-        return float(scale.sum() - np.linalg.slogdet(covariance)[1]), parts
-
-    @property
-    def of_joint(self) -> FloatArray:
-        """(nj,) number of each joint's coefficients."""
-        return np.asarray(_FRICTION - 1.0 + self.loaded, dtype=np.float64)
+        return float(scale.sum() - np.linalg.slogdet(covariance)[1])

@@ -10,10 +10,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from pinfric.identification.columns import passed
+from pinfric.identification.columns import at_rows, passed
 from pinfric.identification.estimate import Estimate
 from pinfric.identification.inertias import urdf_prior
 from pinfric.identification.laws import INERTIA, Law
+from pinfric.model.arrays import FloatArray
 from pinfric.model.described import described, quantity
 
 #: Its friction: two losses of a gear would be a factor on the load themselves, and a law that was
@@ -47,23 +48,20 @@ class EffortFactor:
 
 def effort_factors(estimate: Estimate) -> tuple[EffortFactor, ...]:
     """Return the factor of each joint that a known payload shows; none where logs all carry it."""
-    return tuple(
-        factor
-        for j in estimate.known
-        if (factor := _factor(estimate, j)) is not None and factor.standard_error < _KNOWN
-    )
+    logs = estimate.prepared
+    carried = np.concatenate([log.recording.trajectory.attached.any(axis=1) for log in logs])
+    if carried.all() or not carried.any():
+        return ()
+    payloads = [passed(log.payload, log.recording.step)[log.kept] for log in logs]
+    factors = [_factor(estimate, j, at_rows(payloads, logs, j)) for j in estimate.known]
+    return tuple(x for x in factors if x is not None and x.standard_error < _KNOWN)
 
 
-def _factor(estimate: Estimate, j: int) -> EffortFactor | None:
+def _factor(estimate: Estimate, j: int, payload: FloatArray) -> EffortFactor | None:
+    """Return a joint's factor. `payload`: (n,) what it takes at the joint's rows, N m or N."""
     from scipy.special import stdtrit
 
     rows = estimate.rows[j]
-    payload = np.concatenate(
-        [
-            passed(log.payload[:, [j]], log.recording.step)[log.kept[log.slides[:, j]], 0]
-            for log in estimate.prepared
-        ]
-    )
     carried = np.concatenate(
         [
             log.recording.trajectory.attached[log.kept[log.slides[:, j]]].any(axis=1)

@@ -16,7 +16,7 @@ from pinfric.identification.findings import HeldOut
 from pinfric.identification.inertias import mass_changes
 from pinfric.identification.laws import BACKWARD, FORWARD, INERTIA, K
 from pinfric.identification.misfit import Misfit
-from pinfric.identification.motor_constant import EffortFactor, effort_factors
+from pinfric.identification.motor_constant import EffortFactor
 from pinfric.identification.normal import residuals
 from pinfric.identification.parameters import Parameter
 from pinfric.identification.recordings import stick_velocity
@@ -61,6 +61,7 @@ def notes(
     coefficients: Sequence[Parameter],
     static: Mapping[tuple[int, int], BreakAway],
     errors: Mapping[str, HeldOut],
+    factors: Sequence[EffortFactor],
     shapes: Sequence[Misfit] = (),
     uneven: Mapping[int, float] = MappingProxyType({}),
 ) -> Notes:
@@ -69,7 +70,7 @@ def notes(
     Args:
         rest: joint -> what its holds show. static: see `parameters`.
         errors: joint -> error on held-out blocks, in fitted rows and in all that move.
-        shapes: of residuals. uneven: see `Uncertainty`.
+        factors: on efforts, by a known payload. shapes: of residuals. uneven: see `Uncertainty`.
     """
     lines = [
         f"{recording.name}: {line}"
@@ -151,7 +152,6 @@ def notes(
         + _misfits(estimate, clear)
         + _uneven(estimate, uneven)
     )
-    factors = effort_factors(estimate)
     lines += _payload_factors([x for x in factors if not x.wrong])
     doubts += _payload_factors([x for x in factors if x.wrong])
     other_scales, small_scales = _scales(estimate, clear)

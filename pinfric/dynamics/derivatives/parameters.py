@@ -161,7 +161,9 @@ def _of_inertias(
     scene, x, twin = derived.scene, derived.tables, derived.pinocchio.twin
     if twin.n_joints > _LARGEST:
         raise SceneError(f"{scene.source}: parameter_derivatives: too many joints for inertia")
-    model = opened(twin.model)
+    if "opened" not in twin.pools:
+        twin.pools["opened"] = opened(twin.model)
+    model = twin.pools["opened"]
     free = [array[0] for array in embedded(twin, q[None], v[None], a[None])]
     W = pin.computeJointTorqueRegressor(model, model.createData(), *free)
     wrench = np.ascontiguousarray(W.T).reshape(-1, twin.n_joints, 6)
