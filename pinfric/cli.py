@@ -223,7 +223,7 @@ def simulate(
     numbers = {"rtol": rtol, "atol": None if rtol is None else 1e-2 * rtol, "dt": dt}
     settings: Any = {name: value for name, value in numbers.items() if value is not None}
     interrupted: SimulationInterrupted | None = None
-    end = t_end or (scene.simulation.t_end if scene.simulation else 0.0)
+    end = t_end or (scene.simulation and scene.simulation.t_end) or 0.0
     try:
         with progress("ms simulated") as tell:
             settings["progress"] = lambda t: tell(int(1e3 * t), math.ceil(1e3 * end))
@@ -771,6 +771,10 @@ def replay(
     note_input(*(name for name in (motion_name, motors, log.columns) if name))
     if html is not None and not html.name:
         raise typer.BadParameter("is not a file name", param_hint="--html")
+    if html is not None and html.suffix.lower() not in (".html", ".htm"):
+        raise typer.BadParameter(
+            f"{html}: a page is HTML; name it {html.with_suffix('.html')}", param_hint="--html"
+        )
     html = html or Path(f"{Path(scene.source).stem}.replay.html")
     check_writable(html.parent, [html.name])
     interrupted: SimulationInterrupted | None = None
@@ -856,8 +860,8 @@ def new(
 def robots() -> None:
     """List the bundled robots whose friction was measured: to which speed, on which side, by whom.
 
-    A name is a SCENE of all commands: `pinfric export ur5e --to mjcf`. The header of its file says
-    what is not known and what contradicts it.
+    Then the bundled scenes and URDFs by name. A scene's name is a SCENE of all commands: `pinfric
+    export ur5e --to mjcf`. The header of its file says what is not known and what contradicts it.
     """
     from pinfric.show.report.robots import robots_report
 
@@ -1124,6 +1128,9 @@ def _run(arguments: list[str]) -> int:
         command = problem.ctx.command_path if problem.ctx else "pinfric"
         before, said, complaint = problem.format_message().partition("Input ")
         said = plain(complaint) if said else ""  # typer says of numbers what pydantic says
+        pages = problem.ctx and any("--html" in x.opts for x in problem.ctx.command.params)
+        if pages and getattr(problem, "option_name", "") == "--out":
+            before = "No such option: --out; it writes one page: --html FILE"
         message, code = f"{before}{said} (see {command} --help)", BAD_INPUT
     except (KeyboardInterrupt, typer.Abort):  # typer before 0.20 has Abort, later an exit code
         message, code = "interrupted", INTERRUPTED

@@ -15,6 +15,7 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pinocchio as pin
 
 from pinfric import __version__
@@ -186,6 +187,7 @@ def new_scene(
         *_payload_section(payloads, bodies[-1]),
         "friction:" if guesses else "friction: {}",
         *[line for j in joints for line in _joint_section(j, guesses, robot.dynamics)],
+        *_loops_section(robot.model),
         *_actuators_section(robot),
         # what `pinfric simulate` runs
         *(
@@ -453,6 +455,25 @@ def _dynamics_section(robot: Robot) -> list[str]:
     return [
         f"  # The URDF's <dynamics> has friction or damping of {shown}; many are placeholders.",
         "  urdf_dynamics: ignore        # `use`: use them if this file gives no value",
+    ]
+
+
+def _loops_section(model: pin.Model) -> list[str]:
+    """Show how two ends of a plane tree close a loop, which a URDF cannot say."""
+    ends = sorted(set(range(1, model.njoints)) - set(model.parents))
+    turns = pin.computeJointJacobians(model, model.createData(), pin.neutral(model))[3:]
+    if len(ends) < 2 or np.linalg.matrix_rank(turns, tol=1e-6) > 1:
+        return []
+    bodies = {f.parentJoint: f.name for f in model.frames if f.type == pin.FrameType.BODY}
+    sides = ", ".join(
+        f"{side}: {{link: {yaml_line(bodies[end], within=True)}, xyz: [0.1, 0, 0]}}"
+        for side, end in zip("ab", ends, strict=False)
+    )
+    return [
+        "# loops:                       # a URDF has no loops: a pin that two ends share",
+        f"#   - {{name: C, kind: planar_pin, {sides}}}",
+        "#                              # then name the driven joints under `actuators`, and take",
+        "#                              # `includes_drive`, `coulomb`, `viscous` from all others",
     ]
 
 

@@ -16,6 +16,7 @@ from pinfric.checking.joint_loads import limit_remarks
 from pinfric.checking.robot import RobotFacts
 from pinfric.errors import PinfricError, PinfricWarning, RobotError, SceneError
 from pinfric.model.robot import example_robot_data, locate_urdf, read_robot
+from pinfric.model.scene_file import bundled_folder
 from pinfric.new_scene import Begun, new_scene, new_waypoints, write_new
 
 pytestmark = pytest.mark.filterwarnings("ignore::pinfric.errors.PinfricWarning")
@@ -527,3 +528,12 @@ def test_a_rated_payload_goes_into_the_scene_and_into_a_motion(tmp_path):
         )
     with pytest.raises(PinfricError, match="greater than 0"):
         write_new(urdf, tmp_path / "other", 0.0)
+
+
+def test_two_ends_of_a_plane_tree_may_close_a_loop():
+    shown = new_scene(Begun.read(bundled_folder() / "four_bar.urdf"))
+    (line,) = [x for x in shown.splitlines() if "planar_pin" in x]
+    (entry,) = yaml.safe_load(line.removeprefix("#"))
+    assert {entry[side]["link"] for side in "ab"} == {"coupler", "rocker"}
+    for name in ("z1_description/urdf/z1.urdf", "a1_description/urdf/a1.urdf"):
+        assert "planar_pin" not in new_scene(Begun.read(f"example-robot-data:{name}"))

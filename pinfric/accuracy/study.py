@@ -18,7 +18,7 @@ import pinocchio as pin
 from pinfric.accuracy.explain import all_rounds
 from pinfric.dynamics.inverse.result import StickInterval
 from pinfric.dynamics.simulation.motion import Motion
-from pinfric.dynamics.simulation.simulate import simulate
+from pinfric.dynamics.simulation.simulate import end_of, simulate
 from pinfric.errors import PinfricError, SceneError
 from pinfric.model.brief import file_name, screen
 from pinfric.model.described import PLACE, described, quantity
@@ -181,9 +181,8 @@ def reference(scene: Scene) -> Motion:
 
     Steps are t_end / 50 at most: no guard hides within a long one.
     """
-    assert scene.simulation is not None
     rtol = 1e-2 * min(TOLERANCES)
-    return simulate(scene, rtol=rtol, atol=1e-2 * rtol, max_step=scene.simulation.t_end / 50)
+    return simulate(scene, rtol=rtol, atol=1e-2 * rtol, max_step=end_of(scene) / 50)
 
 
 def judge_of(motion: Motion) -> Judge:
@@ -201,8 +200,7 @@ def contestants(scene: Scene, methods: Collection[str] | None = None) -> list[Co
     `event` without a limit to its steps, so that the tolerance alone decides, and once with its
     defaults.
     """
-    assert scene.simulation is not None
-    t_end = scene.simulation.t_end
+    t_end = end_of(scene)
     smooth = {"rtol": _SMOOTH_TOLERANCE, "atol": 1e-2 * _SMOOTH_TOLERANCE}
     settings: dict[str, dict[str, dict[str, float]]] = {
         "event": {
@@ -224,8 +222,7 @@ def contestants(scene: Scene, methods: Collection[str] | None = None) -> list[Co
 
 
 def _own(scene: Scene, method: str, setting: str, options: Mapping[str, Any]) -> Contestant:
-    assert scene.simulation is not None
-    t_end, samples = scene.simulation.t_end, _LOOKS if method == "regularized" else _COMPARED
+    t_end, samples = end_of(scene), _LOOKS if method == "regularized" else _COMPARED
 
     def bare() -> Motion:
         return simulate(scene, method=method, sample_step=t_end, **options)

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import difflib
 import math
+import re
 import warnings
 from collections.abc import Iterable, Iterator
 from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin
@@ -262,6 +263,8 @@ def _problem(problem: Any, entry: type[BaseModel], content: Any, at: tuple[int |
         text = str(problem["ctx"]["error"])
     else:
         text = f"{plain(problem['msg'])}, found {found}"
+    if comma := re.fullmatch(r"([-+]?\d*),(\d+)", str(problem["input"]).strip()):
+        text += f"; decimals have a point: {comma[1]}.{comma[2]}"
     return f"`{key}`: {text}" if key else text
 
 

@@ -103,7 +103,7 @@ def locate_urdf(locator: str, relative_to: Path) -> Path:
             near = choose_from(relative, there)
             raise RobotError(f"robot.urdf: example-robot-data has no {brief(relative)}; {near}")
         return path
-    path = Path(os.path.abspath(relative_to / locator))
+    path = Path(os.path.abspath(relative_to / os.path.expanduser(locator)))
     if not os.path.isfile(path):
         raise RobotError(f"robot.urdf: there is no file {brief_path(path)}")
     return path

@@ -167,8 +167,10 @@ def find_file(path: str | Path, suffixes: tuple[str, ...], error: type[PinfricEr
         raise error(f"{path} is a folder; give a file: {', '.join(suffixes)}")
     if path.is_symlink():
         raise error(f"{path}: its link leads to no file ({os.readlink(path)})")
-    what = f"there is no file {path}"
-    raise error(f"{what}, and no bundled one of that name; {choose_from(path.name, there)}")
+    stem = path.name.partition(".")[0]
+    same = [name for name in there if name.partition(".")[0] == stem]
+    meant = f"did you mean {same[0]!r}?" if same else choose_from(path.name, there)
+    raise error(f"there is no file {path}, and no bundled one of that name; {meant}")
 
 
 def _with_urdf_dynamics(entries: SceneFile, robot: Robot, where: str) -> dict[str, Friction]:

@@ -444,7 +444,7 @@ class Simulation(Entry):
     motor_torque: dict[str, GivenEffort] = key(
         "in place of `effort`, at the shafts", {"joint_2": 0.1}, "N m", default_factory=dict
     )
-    t_end: Positive = key("time at the end", 1.0, "s")
+    t_end: Positive | None = optional("time at the end, which `simulate` needs", 1.0, "s")
 
     @model_validator(mode="after")
     def _one_of_them(self) -> Simulation:

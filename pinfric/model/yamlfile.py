@@ -54,6 +54,10 @@ NOT_UTF_8 = "is not a text file in UTF-8; save it in this encoding (not UTF-16 o
 _SHOWN = 80
 #: Bytes of a file that is read as a whole, 64 MiB; a large catalogue has a tenth.
 _LARGEST_FILE = 2**26
+#: What the parser says where a line does not fit the indentation of those above.
+_WRONGLY_INDENTED = ("expected <block end>", "mapping values are not allowed")
+#: In a mapping's braces a number with a decimal comma; it may be something else.
+_DECIMAL_COMMA = re.compile(r":\s*[-+]?\d+,\d+\s*[,}]")
 #: Aliases may repeat what they point to this often; ten levels of ten make 10^10 nodes of a page.
 _MOST_REPEATS = 100
 
@@ -62,7 +66,7 @@ def path_of(path: object, error: type[PinfricError]) -> Path:
     """Return the path of a file's name; raise `error` if it is no name."""
     if not isinstance(path, str | os.PathLike):
         raise error(f"the file is a {type(path).__name__}; should be a name or a path")
-    return Path(path)
+    return Path(path).expanduser() if str(path).startswith("~") else Path(path)
 
 
 def read_yaml(
@@ -105,6 +109,8 @@ def read_yaml(
         one_line = re.sub(r"^found (duplicate key \S+).*", r"\1 in one mapping; keep one", one_line)
         if "'\\t'" in one_line:
             one_line = "a tab; indent with blanks"
+        elif mark and one_line.startswith(_WRONGLY_INDENTED):
+            one_line = _indentation(content.decode("utf-8").splitlines(), mark.line) or one_line
         raise error(f"{path}{line}: not valid YAML: {one_line}") from None
     if content is None:
         written = f"; {_WRITTEN_BY[kind]}" if kind in _WRITTEN_BY else ""
@@ -116,6 +122,54 @@ def read_yaml(
     if kind and kind not in content and other != kind:
         raise error(f"{path}: is a {FORMATS[other]}, not a {FORMATS[kind]}; {_order(kind, other)}")
     return content
+
+
+def _indentation(lines: list[str], at: int) -> str:
+    """Return how a line (from 0) is indented beside the keys above; "" if that is not its fault."""
+    keys = [
+        (i, key.start(1), key.group(1), key.group(2))
+        for i, line in enumerate(lines[: at + 1])
+        if (key := re.match(r"^ *(?:- )?([^\s#:{}\[\],]+):(?:\s+(.*))?$", line.rstrip()))
+    ]
+    if len(keys) < 2 or keys[-1][0] != at:
+        return ""
+    (above, blanks, name, _), (_, own, _, _) = keys[-2:]
+    if own == blanks or lines[at].lstrip(" ").startswith("- "):
+        return ""
+    if len(keys) > 2 and keys[-3][1] == blanks and not keys[-3][3]:
+        line, _, parent, _ = keys[-3]
+        return (
+            f"`{name}` in line {above + 1} is not below `{parent}` of line {line + 1}: indent it "
+            f"by {own} blanks, as the line after it"
+        )
+    less = "less" if own < blanks else "more"
+    return (
+        f"it is indented by {own} blanks, {less} than `{name}` in line {above + 1} ({blanks}): "
+        "keys of one mapping are indented alike"
+    )
+
+
+def _check_decimal_commas(node: Any) -> None:
+    """Refuse {radius: 0,02}, which is {radius: 0, 2: null}."""
+    from ruamel.yaml.composer import ComposerError
+    from ruamel.yaml.nodes import MappingNode, ScalarNode
+
+    if isinstance(node, ScalarNode):
+        return
+    if not isinstance(node, MappingNode):
+        for part in node.value:
+            _check_decimal_commas(part)
+        return
+    before = None
+    for key, value in node.value:
+        if before is not None and value.value == "" and str(key.value).isdigit():
+            problem = (
+                f"{before.value},{key.value}: decimals have a point: {before.value}.{key.value}"
+            )
+            raise ComposerError(None, None, problem, key.start_mark)
+        whole = isinstance(value, ScalarNode) and re.fullmatch(r"[-+]?\d+", value.value)
+        before = value if whole else None
+        _check_decimal_commas(value)
 
 
 def _order(*kinds: str) -> str:
@@ -166,6 +220,8 @@ def _load(text: str) -> Any:
         return None
     if "&" in text:
         _check_aliases(node)
+    if _DECIMAL_COMMA.search(text):
+        _check_decimal_commas(node)
     return yaml.constructor.construct_document(node)
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from pinfric.dynamics.samples.closure import (
     complete_configurations,
     consistent_motion,
+    first_closed,
     independent_joints,
 )
 from pinfric.errors import ClosureError, TrajectoryError
@@ -74,7 +75,10 @@ def complete_motion(
     q = configurations(named, position, model.nq)
     try:
         if len(named) < len(columns):
-            q = complete_configurations(scene, scene.start_configuration, names, q)
+            start, searched = first_closed(scene, scene.start_configuration, names, q[0])
+            if searched:
+                warnings.append(_where_it_begins(columns, names, start))
+            q = complete_configurations(scene, start, names, q)
             return q, *consistent_motion(scene, q, names, v, a)
         if not derived:
             return q, v, a
@@ -84,6 +88,15 @@ def complete_motion(
         return q, *consistent_motion(scene, q, chosen, v[:, index], a[:, index])
     except ClosureError as problem:
         raise TrajectoryError(f"{source}: {problem}") from None
+
+
+def _where_it_begins(columns: Sequence[JointColumn], named: Sequence[str], q: FloatArray) -> str:
+    others = [c for c in columns if c.name not in named]
+    places = ", ".join(f"{c.name}: {q[c.index_q]:.3g}" for c in others)
+    return (
+        "loops do not close near `simulation.start`; a search found that they do with "
+        f"simulation: {{start: {{q: {{{places}}}}}}}: another assembly needs a start of its own"
+    )
 
 
 def _closed(

@@ -31,7 +31,7 @@ _BATCH = 1.0
 _MOST_PER_BATCH = 500
 #: Samples by which the time of one is found: some, as a batch has a cost of its own.
 _FEW = 5
-#: Bytes of memory that a sample takes for each parameter and each drive, by the arrays held at once.
+#: Bytes of memory that a sample takes for each parameter and each drive: arrays held at once.
 _PER_VALUE, _PER_DRIVE = 24, 120
 
 

@@ -34,6 +34,12 @@ FILES = {
     "retimed.json": '{"pinfric": "0.1", "command": "retime"}',
     "swept.json": '{"pinfric": "0.1", "command": "sweep"}',
     "arm.constants.json": '{"pinfric_constants": 1}',
+    "comma.yaml": f"{SCENE}friction: {{joint_1: {{bearing: {{kind: pin, radius: 0,02}}}}}}\n",
+    "quoted.yaml": f"{SCENE}stick: {{velocity: '1,5'}}\n",
+    "parent.yaml": f"{SCENE}friction:\n  joint_1:\n  {BEARING}\n    mu: 0.1\n",
+    "more.yaml": "pinfric: 1\nrobot:\n  urdf: a.urdf\n   gravity: [0, 0, 0]\n",
+    "less.yaml": "pinfric: 1\nrobot:\n    urdf: a.urdf\n  gravity: [0, 0, 0]\n",
+    "start.yaml": f"{SCENE}simulation: {{start: {{q: {{joint_1: 0.1}}}}}}\n",
 }
 PENDULUM = "pendulum.waypoints.yaml"
 SWEEP = "panda_pick_and_place.sweep.yaml"
@@ -82,6 +88,17 @@ export ur10 --to cpp --frame tip  no link 'tip'; there are: shoulder_link, upper
 simulate retimed.json  `pinfric retime` found, no file for other commands; `pinfric retime --out` wr
 check swept.json  swept.json: is what `pinfric sweep` found, no file for other commands
 explain arm.constants.json  is what `pinfric export` found, no file for other commands
+check comma.yaml  not valid YAML: 0,02: decimals have a point: 0.02
+check quoted.yaml  `stick.velocity`: should be a number, found '1,5'; decimals have a point: 1.5
+check parent.yaml  `bearing` in line 5 is not below `joint_1` of line 4: indent it by 4 blanks
+check more.yaml  it is indented by 3 blanks, more than `urdf` in line 3 (2): keys of
+check less.yaml  it is indented by 2 blanks, less than `urdf` in line 3 (4): keys of one mapping are
+check comma.yml  and no bundled one of that name; did you mean 'comma.yaml'?
+check ~/missing/comma.yaml  /missing/comma.yaml, and no
+simulate start.yaml  `simulation.t_end` is missing; e.g. t_end: 1.0
+accuracy start.yaml  `simulation.t_end` is missing; e.g. t_end: 1.0
+replay pendulum pendulum --out x  No such option: --out; it writes one page: --html FILE (see pin
+replay pendulum pendulum --html q.png  q.png: a page is HTML; name it q.html
 catalog table.csv  it says which column of table.csv is which figure, and its unit
 """
 

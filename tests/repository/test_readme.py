@@ -78,6 +78,25 @@ def test_python_example_runs():
     assert all(share in README.read_text(encoding="utf-8") for share in shares)
 
 
+@pytest.mark.slow
+def test_a_linkage_goes_from_the_guides_drawing_to_torques(monkeypatch, tmp_path, capsys):
+    page = GUIDE / "your_linkage.md"
+    scene, motion, start = blocks("yaml", page)
+    (robot,) = blocks("xml", page)
+    files = {"four_bar.urdf": robot, "four_bar.yaml": scene, "crank.waypoints.yaml": motion}
+    monkeypatch.chdir(tmp_path)
+    for name, text in files.items():
+        (tmp_path / name).write_text(text)
+    inverse, replay = commands(page)[-2:]
+    searched = told(capsys, *inverse)
+    assert blocks("text", page)[0].strip() in searched.err
+    told(capsys, *replay)
+    (tmp_path / "four_bar.yaml").write_text(scene + start)
+    started = told(capsys, *inverse)
+    assert started.out == searched.out
+    assert not started.err
+
+
 def commands(page):
     """The commands on a page, without set-up and prompts."""
     joined = re.sub(r"\\\n\s*", "", "\n".join(blocks("bash", page)))

@@ -15,13 +15,16 @@ import pinocchio as pin
 from pinfric.errors import ClosureError, LoopMotionError, SceneError, StateError
 from pinfric.model.arrays import real_numbers
 from pinfric.model.closure import (
+    CLOSED,
     NEARLY_CLOSED,
     RANK,
     LoopState,
     action_maps,
+    approach,
     close,
     closure_jacobian,
     full_pivot,
+    guesses,
     loop_state,
     velocity_indices,
     velocity_names,
@@ -228,6 +231,45 @@ def _in_order(scene: Scene, joints: Sequence[str]) -> list[int]:
     return indices
 
 
+def first_closed(
+    scene: Scene, q_guess: np.ndarray, independent: Sequence[str], q: np.ndarray
+) -> tuple[np.ndarray, bool]:
+    """Return a closed configuration (nq,) with independent joints as in q; whether it was searched.
+
+    The nearest one to the guess, if loops close from there; else the first that closes from one of
+    30 places around it, of an assembly that nobody chose. A mechanism whose bars lie in a line at
+    its guess needs the search: its Jacobian is singular there.
+
+    Args:
+        scene, independent: as of `complete_configurations`. q_guess: (nq,). q: (nq,).
+
+    Raises:
+        ClosureError: none closes; gives the remaining distance from the guess.
+    """
+    linkage, twin = scene.linkage, scene.twin()
+    assert linkage is not None
+    held, entries = _held(scene, independent)
+    for attempt, guess in enumerate(guesses(scene.model, q_guess)):
+        guess[entries] = q[entries]
+        near, gap = approach(twin, linkage, guess, held)
+        if np.abs(gap).max(initial=0.0) <= CLOSED * linkage.size:
+            return near, attempt > 0
+    start = np.array(q_guess, dtype=float)
+    start[entries] = q[entries]
+    return close(twin, linkage, start, held), False
+
+
+def _held(scene: Scene, independent: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
+    """Return (nv,) and (nq,) bool, velocities and positions of the named joints."""
+    held = np.zeros(scene.model.nv, dtype=bool)
+    held[_in_order(scene, independent)] = True
+    entries = np.zeros(scene.model.nq, dtype=bool)
+    for name in independent:
+        joint = scene.model.joints[scene.model.getJointId(name)]
+        entries[joint.idx_q : joint.idx_q + joint.nq] = True
+    return held, entries
+
+
 def complete_configurations(
     scene: Scene, q_guess: np.ndarray, independent: Sequence[str], q: np.ndarray
 ) -> np.ndarray:
@@ -246,12 +288,7 @@ def complete_configurations(
     """
     linkage, twin, model = scene.linkage, scene.twin(), scene.model
     assert linkage is not None
-    held = np.zeros(twin.nv, dtype=bool)
-    held[_in_order(scene, independent)] = True
-    entries = np.zeros(model.nq, dtype=bool)
-    for name in independent:
-        joint = model.joints[model.getJointId(name)]
-        entries[joint.idx_q : joint.idx_q + joint.nq] = True
+    held, entries = _held(scene, independent)
     out = np.empty_like(q)
     guess, step = np.array(q_guess, dtype=float), np.zeros(twin.nv)
     for i in range(len(q)):

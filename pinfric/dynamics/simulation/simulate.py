@@ -201,7 +201,7 @@ def _read(scene: Scene, method: str, t_end: float | None, numbers: Numbers) -> S
     """Return the settings; refuse options that are unknown, or not of the method."""
     if unknown := numbers.keys() - Numbers.__annotations__.keys():
         raise TypeError(f"simulate() got an unexpected keyword argument {min(unknown)!r}")
-    settings = _settings(method, _end(scene, t_end), **numbers)
+    settings = _settings(method, end_of(scene, t_end), **numbers)
     for name, value in numbers.items():
         if value is not None and name not in _READ[method]:
             readers = " and ".join(m for m, names in _READ.items() if name in names)
@@ -233,7 +233,12 @@ def _check_presliding(scene: Scene, method: str, motors: bool) -> None:
         )
 
 
-def _end(scene: Scene, t_end: float | None) -> float:
+def end_of(scene: Scene, t_end: float | None = None) -> float:
+    """Return the end of a simulation, s: the one given, else the scene's.
+
+    Raises:
+        SimulationError: the scene has none.
+    """
     expect_scene(scene, "simulate")
     if t_end is not None:
         return t_end
@@ -241,6 +246,10 @@ def _end(scene: Scene, t_end: float | None) -> float:
         raise SimulationError(
             f"{scene.source}: has no `simulation` section; add one with start, effort and t_end, "
             "or give q0, v0, effort and t_end (s)"
+        )
+    if scene.simulation.t_end is None:
+        raise SimulationError(
+            f"{scene.source}: `simulation.t_end` is missing; e.g. t_end: 1.0, or give t_end (s)"
         )
     return scene.simulation.t_end
 

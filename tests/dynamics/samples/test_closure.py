@@ -12,6 +12,7 @@ import pinfric as pf
 from pinfric.dynamics.samples.closure import (
     complete_configurations,
     consistent_motion,
+    first_closed,
     independent_joints,
 )
 from pinfric.errors import (
@@ -44,6 +45,25 @@ def test_a_trajectory_keeps_its_assembly_for_whole_turns(kind):
     expected = joints(np.array([bar_angles(FourBar(), angle) for angle in angles]))
     assert_allclose(np.cos(closed), np.cos(expected), atol=1e-12)
     assert_allclose(np.sin(closed), np.sin(expected), atol=1e-12)
+
+
+@pytest.mark.parametrize("angle", [0.0, np.pi])
+def test_bars_in_a_line_close_after_a_search(angle):
+    scene, _ = four_bar("B", "planar_pin")
+    q = np.array([angle, 0.0, 0.0])
+    with pytest.raises(ClosureError):  # the rows of the line are singular
+        complete_configurations(scene, np.zeros(3), ["O"], q[None])
+    closed, searched = first_closed(scene, np.zeros(3), ["O"], q)
+    assert searched
+    # the closed form of one assembly or of its mirror image at the crank's other side
+    joints = four_bar("B", "planar_pin")[1]
+    ways = [joints(np.array([bar_angles(FourBar(), sign * angle)])) for sign in (1.0, -1.0)]
+    apart = [
+        np.abs(np.exp(1j * sign * way[0]) - np.exp(1j * closed)).max()
+        for sign, way in zip((1.0, -1.0), ways, strict=True)
+    ]
+    assert min(apart) < 1e-9
+    assert not first_closed(scene, closed, ["O"], closed)[1]
 
 
 def test_independent_joints_that_do_not_determine_the_rest_are_refused():
