@@ -1012,7 +1012,7 @@ def export(
     scene_name: SceneName,
     to: Annotated[
         str,
-        option("mjcf, urdf, sdf, constants (JSON) or cpp.", "FORMAT", "--to"),
+        option("mjcf, urdf, sdf, constants (JSON), cpp or ros2.", "FORMAT", "--to"),
     ],
     trajectory_name: Annotated[
         str | None,
@@ -1024,11 +1024,11 @@ def export(
     ] = None,
     frame: Annotated[
         list[str] | None,
-        option("cpp: a link for payloads and wrenches at run time.", "LINK", "--frame"),
+        option("cpp, ros2: a link for payloads and wrenches at run time.", "LINK", "--frame"),
     ] = None,
     namespace: Annotated[
         str,
-        option("cpp: of the header and its file; for two arms.", "NAME", "--namespace"),
+        option("cpp, ros2: of the header and its file; for two arms.", "NAME", "--namespace"),
     ] = "",
     as_json: AsJson = False,
     log: Any,
@@ -1037,24 +1037,19 @@ def export(
 
     For each constant its error against the scene along the trajectory is given. `--to cpp` writes
     a header for controllers, which uses the present load and needs no constants, and its test; it
-    prints the error that constants would make.
+    prints the error that constants would make. `--to ros2` writes a package of ROS 2 around it.
     """
     from dataclasses import replace
 
-    from pinfric.exporting.export import export, file_names
-    from pinfric.model.files import check_writable
+    from pinfric.exporting.export import export, places
     from pinfric.show.report.export import export_report
 
-    out = out or Path()
     scene, _ = load(scene_name, later=[trajectory_name])
-    names = file_names(scene, to, namespace)
-    folder = to == "cpp" or out.is_dir() or not (out.suffix or out.exists())
-    file = out / names[0] if folder else out
-    check_writable(file.parent, [file.name, *names[1:]])
+    file, *beside = places(scene, to, out, namespace)
     trajectory = None if trajectory_name is None else load_motion_of(scene, trajectory_name, log)
     exported = export(scene, trajectory, to, frames=frame or (), namespace=namespace)
-    exported.write(out if to == "cpp" else file)
-    say(f"wrote {' and '.join([str(file), *names[1:]])}")
+    exported.write(file.parent if beside else file)
+    say(f"wrote {' and '.join([str(file), *(other.name for other in beside)])}")
     exported = replace(exported, file=str(file))
     answer("export", exported, partial(export_report, exported), as_json, scene=scene)
 

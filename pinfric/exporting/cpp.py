@@ -132,7 +132,7 @@ def cpp_files(
     name = header_name(scene.source, name)
     title = "\n".join(f"// {_comment(line)}".rstrip() for line in lines).removeprefix("// ")
     constants = "\n".join(_constants(scene, frames, bounds))
-    header = _named(template("compensator.hpp").replace("// @@CONSTANTS\n", constants + "\n"), name)
+    header = named(template("compensator.hpp").replace("// @@CONSTANTS\n", constants + "\n"), name)
     digest = hashlib.sha256(header.encode()).hexdigest()[:12]
     files = [Path(scene.source), *([] if scene.robot is None else [scene.robot.urdf])]
     hashes = [f"{file.name} sha256 {file_hash(file)}" for file in files if file.is_file()]
@@ -143,7 +143,7 @@ def cpp_files(
         header = header.replace(f"@@{mark}", text)
     rows = "\n".join(f"    {{{', '.join(_array(array) for array in state)}}}," for state in states)
     test = template("compensator_test.cpp").replace("// @@STATES\n", rows + "\n")
-    return CppFiles(header, _named(test, name).replace("@@HEADER", f"{name}.hpp"))
+    return CppFiles(header, named(test, name).replace("@@HEADER", f"{name}.hpp"))
 
 
 def header_name(source: str, name: str = "") -> str:
@@ -400,6 +400,7 @@ def template(name: str) -> str:
     return (resources.files("pinfric.exporting") / name).read_text(encoding="utf-8")
 
 
-def _named(text: str, name: str) -> str:
+def named(text: str, name: str) -> str:
+    """Return a template's text with the names of one robot's header."""
     guard = f"PINFRIC_{name.upper().removeprefix('PINFRIC_')}"
     return text.replace("PINFRIC_SCENE", guard).replace("pinfric_scene", name)

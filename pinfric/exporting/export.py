@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -19,16 +19,17 @@ from pinfric.dynamics.samples.states import MotionLike
 from pinfric.errors import PinfricError, PinfricWarning, choose_from
 from pinfric.exporting.constants import JointConstants, joint_constants
 from pinfric.exporting.controller import compensator, level_uncertainty
-from pinfric.exporting.cpp import check_frames, header_name
+from pinfric.exporting.cpp import check_frames, default_frames, header_name
 from pinfric.exporting.engines import shortfalls
 from pinfric.exporting.mjcf import MjcfJoint, creep_velocity, mjcf, soft
+from pinfric.exporting.ros2 import package, package_files
 from pinfric.exporting.sdf import sdf
 from pinfric.exporting.tree import bodies, check_plain_tree, rotor_inertias
 from pinfric.exporting.urdf import urdf
 from pinfric.model.brief import counted, file_name, listed, screen
 from pinfric.model.described import INERTIA, SPEED, described, in_json, quantity, unit_at
 from pinfric.model.effects import effects
-from pinfric.model.files import write_file, write_folder
+from pinfric.model.files import check_writable, write_file, write_folder
 from pinfric.model.mass_matrix import mass_matrices
 from pinfric.model.massless import massless, massless_joints
 from pinfric.model.scene import Scene, expect_scene
@@ -46,54 +47,21 @@ class Format:
         terms: constant -> its name in the format; others are 0.
         suffix: of the file.
         at_rest: friction in its engine where a joint stands still, v = a = 0.
+        write: makes the file's text of the scene, the constants, their lines and the heading; None:
+            it is the header of a compensator, with files beside it in its folder.
+        lacks: what it does not hold of any scene.
+        package: whether these are a package, whose folder holds nothing else.
     """
 
     title: str
     terms: dict[str, str]
     suffix: str
     at_rest: str
+    write: Callable[..., str] | None = None
+    lacks: tuple[str, ...] = ()
+    package: bool = False
 
 
-FORMATS = {
-    "mjcf": Format(
-        "MJCF (MuJoCo)",
-        {"frictionloss": "frictionloss", "damping": "damping", "armature": "armature"},
-        ".mjcf.xml",
-        "mj_inverse has no friction there, mj_step holds with up to frictionloss",
-    ),
-    "urdf": Format(
-        "URDF",
-        {"frictionloss": "friction", "damping": "damping"},
-        ".constants.urdf",
-        "engines that read <dynamics> hold with up to `friction`, or not at all",
-    ),
-    "sdf": Format(
-        "SDF (Gazebo, Drake)",
-        {"frictionloss": "friction", "damping": "damping"},
-        ".sdf",
-        "Gazebo holds with up to `friction`, Drake does not hold",
-    ),
-    "constants": Format(
-        "constants (JSON)",
-        {"frictionloss": "dry", "damping": "viscous", "armature": "armature"},
-        ".constants.json",
-        "an engine with dry friction holds with up to `dry`",
-    ),
-    "cpp": Format(
-        "C++ (a compensator that knows the load)",
-        {"frictionloss": "Coulomb", "damping": "viscous", "armature": "rotor inertia"},
-        ".hpp",
-        "within its speed band the compensator moves from one end to the other",
-    ),
-}
-#: What a format does not hold of any scene.
-_NOT_THERE = {
-    "mjcf": ("meshes (capsules stand for the links) and speed limits",),
-    "sdf": ("meshes and shapes",),
-    "constants": (
-        "links, masses and geometry: the file only has constants for a robot that you load",
-    ),
-}
 #: Effects that no constant holds: what they are called here.
 _LEFT_OUT = {
     "load": "friction that grows with a bearing's load",
@@ -156,27 +124,55 @@ class Exported(Shown):
         """Write the file and its companions, each completely or not at all.
 
         Args:
-            path: the file; of "cpp" the folder, as the test includes the header by its name.
+            path: the file; of "cpp" and "ros2" the folder, as files include others by their names.
 
         Raises:
-            PinfricError: it cannot be written.
+            PinfricError: it cannot be written, or a package's folder has other files.
         """
-        if self.to != "cpp":
+        if FORMATS[self.to].write is not None:
             return write_file(path, self.text)
+        if FORMATS[self.to].package:
+            _check_own(Path(path), [self.default_name, *self.beside])
         return write_folder(path, {self.default_name: self.text, **self.beside})[0]
 
 
-def file_names(scene: Scene, to: str, namespace: str = "") -> list[str]:
-    """Return the default names of an export's files, the main one first.
+def places(scene: Scene, to: str, out: Path | None = None, namespace: str = "") -> list[Path]:
+    """Return where an export's files will stand, the main one first, or refuse the place.
+
+    Args:
+        out: the user's file or folder; None: here, of a package a folder of its name.
 
     Raises:
-        PinfricError: no such format, or a namespace that C++ does not allow.
+        PinfricError: no such format; a namespace that C++ does not allow; a place that cannot be
+            written; for a package, a folder that has other files.
     """
     _check_format(to)
-    if to != "cpp":
-        return [f"{Path(scene.source).stem}{FORMATS[to].suffix}"]
-    called = header_name(scene.source, namespace)
-    return [f"{called}{FORMATS[to].suffix}", f"{called}_test.cpp"]
+    form, suffix = FORMATS[to], FORMATS[to].suffix
+    names = [f"{Path(scene.source).stem}{suffix}"]
+    if form.write is None:
+        called = header_name(scene.source, namespace)
+        names = [f"{called}{suffix}", f"{called}_test.cpp"]
+        names += package_files(called) if form.package else []
+        out = Path(called.lower()) if out is None and form.package else out
+    out = out or Path()
+    if form.write is None or out.is_dir() or not (out.suffix or out.exists()):
+        folder = out
+    else:
+        folder, names = out.parent, [out.name]
+    check_writable(folder, names)
+    if form.package:
+        _check_own(folder, names)
+    return [folder / name for name in names]
+
+
+def _check_own(folder: Path, names: Sequence[str]) -> None:
+    """Refuse a folder with files that are no package's; hidden ones, as of Git, are none."""
+    others = sorted(p.name for p in folder.glob("[!.]*")) if folder.is_dir() else []
+    if others := [name for name in others if name not in names]:
+        raise PinfricError(
+            f"{folder}: has {others[0]!r} in it, and a package needs a folder of its own; name "
+            "another place (--out)"
+        )
 
 
 def _check_format(to: str) -> None:
@@ -204,25 +200,28 @@ def export(
         trajectory: or a simulated motion, with its payloads; None takes 1000 seeded random states
             inside the limits.
         to: "mjcf" (MuJoCo), "urdf" (`<dynamics>`), "sdf", "constants" (JSON, for any engine), "cpp"
-            (a header for controllers, which uses the present load and needs no constants).
-        frames: of "cpp", links for payloads and wrenches at run time; none: those that carry
-            payloads and the last of each branch.
-        posterior: of "cpp", the table that `identify` wrote; None: `posterior.csv` beside the
+            (a header for controllers, which uses the present load and needs no constants), "ros2"
+            (the same header in a package of ROS 2, with a controller of ros2_control).
+        frames: of "cpp" and "ros2", links for payloads and wrenches at run time; none: those that
+            carry payloads and the last of each branch.
+        posterior: of these, the table that `identify` wrote; None: `posterior.csv` beside the
             scene's file, if there is one.
-        namespace: of "cpp", the header's, and the name of its file; empty: pinfric_SCENE.
+        namespace: of these, the header's, and the name of its file; empty: pinfric_SCENE.
 
     Raises:
         PinfricError: no such format, or one that cannot hold a named part of the scene.
     """
     expect_scene(scene, "export")
     _check_format(to)
-    if to == "cpp":
-        return _for_cpp(scene, trajectory, frames, posterior, header_name(scene.source, namespace))
+    form = FORMATS[to]
+    if form.write is None:
+        called = header_name(scene.source, namespace)
+        return _with_header(scene, trajectory, to, frames, posterior, called)
     if frames or namespace or posterior is not None:
         raise PinfricError(
-            f"export: frames, posterior and namespace are for 'cpp' only, not for {to!r}"
+            f"export: frames, posterior and namespace are for 'cpp' and 'ros2' only, not for {to!r}"
         )
-    columns, form = check_plain_tree(scene), FORMATS[to]
+    columns = check_plain_tree(scene)
     result, name = _along(scene, trajectory)
     joints = joint_constants(result, columns, tuple(form.terms))
     left_out = (*_left_out(scene, to), *_builds_up(scene, to, joints))
@@ -243,7 +242,7 @@ def export(
         *(f"{line[0].upper()}{line[1:]}." for line in notes),
         f"While a joint rests the scene has a torque range, given at each joint: {form.at_rest}.",
     ]
-    text = _WRITERS[to](scene, joints, lines, header)
+    text = form.write(scene, joints, lines, header)
     if to == "mjcf" and (held := massless_joints(scene)):
         warnings.warn(
             f"{scene.source}: {', '.join(held)} {'moves' if len(held) == 1 else 'move'} no mass: "
@@ -309,9 +308,10 @@ def _along(scene: Scene, trajectory: MotionLike | None) -> tuple[InverseResult, 
     return result, str(getattr(trajectory, "source", "a simulated motion"))
 
 
-def _for_cpp(
+def _with_header(
     scene: Scene,
     trajectory: MotionLike | None,
+    to: str,
     frames: Sequence[str],
     posterior: str | Path | None,
     called: str,
@@ -325,16 +325,18 @@ def _for_cpp(
             "leave `springs` out and add their torques yourself, or call scene.solver()"
         )
     coupled = any(drive.couples for drive in scene.drives)  # no joint has constants of its own
+    columns = () if coupled and not FORMATS[to].package else check_plain_tree(scene)
     result, name = _along(scene, trajectory)
-    columns = () if coupled else check_plain_tree(scene)
-    joints = joint_constants(result, columns, tuple(FORMATS["cpp"].terms))
+    joints = joint_constants(result, columns, tuple(FORMATS[to].terms))
     unknown = level_uncertainty(scene, result, posterior)
     files = compensator(scene, result, frames, unknown, called)
     beside = {f"{called}_test.cpp": files.test}
+    if FORMATS[to].package:
+        beside |= package(scene, files, tuple(frames) or default_frames(scene), called)
     samples = len(result.status)
     compensator_files = files.header, beside, unknown
     return Exported(
-        scene.source, name, "cpp", samples, joints, (), (), *compensator_files, name=called
+        scene.source, name, to, samples, joints, (), (), *compensator_files, name=called
     )
 
 
@@ -390,14 +392,6 @@ def _constants(
         rows.append(row)
     content = {"pinfric_constants": 1, "about": list(header), "joints": rows}
     return json.dumps(in_json(content), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
-
-
-_WRITERS: dict[str, Callable[..., str]] = {
-    "mjcf": _mjcf,
-    "urdf": urdf,
-    "sdf": sdf,
-    "constants": _constants,
-}
 
 
 def joint_line(joint: JointConstants, form: Format) -> str:
@@ -500,8 +494,53 @@ def _left_out(scene: Scene, to: str) -> tuple[str, ...]:
             f"the joints {', '.join(held)}, which move no mass, as MuJoCo refuses: their bodies "
             "are fixed where the joints stand at 0"
         )
-    lines += _NOT_THERE.get(to, ())
+    lines += FORMATS[to].lacks
     gravity = scene.model.gravity.linear
     if to in ("urdf", "sdf") and not np.allclose(gravity, [0.0, 0.0, -9.81]):
         lines.append(f"gravity, {gravity.tolist()} m/s^2")
     return tuple(lines)
+
+
+#: Name of each format, in the order in which they are listed.
+FORMATS = {
+    "mjcf": Format(
+        "MJCF (MuJoCo)",
+        {"frictionloss": "frictionloss", "damping": "damping", "armature": "armature"},
+        ".mjcf.xml",
+        "mj_inverse has no friction there, mj_step holds with up to frictionloss",
+        _mjcf,
+        ("meshes (capsules stand for the links) and speed limits",),
+    ),
+    "urdf": Format(
+        "URDF",
+        {"frictionloss": "friction", "damping": "damping"},
+        ".constants.urdf",
+        "engines that read <dynamics> hold with up to `friction`, or not at all",
+        urdf,
+    ),
+    "sdf": Format(
+        "SDF (Gazebo, Drake)",
+        {"frictionloss": "friction", "damping": "damping"},
+        ".sdf",
+        "Gazebo holds with up to `friction`, Drake does not hold",
+        sdf,
+        ("meshes and shapes",),
+    ),
+    "constants": Format(
+        "constants (JSON)",
+        {"frictionloss": "dry", "damping": "viscous", "armature": "armature"},
+        ".constants.json",
+        "an engine with dry friction holds with up to `dry`",
+        _constants,
+        ("links, masses and geometry: the file only has constants for a robot that you load",),
+    ),
+    "cpp": Format(
+        "C++ (a compensator that knows the load)",
+        {"frictionloss": "Coulomb", "damping": "viscous", "armature": "rotor inertia"},
+        ".hpp",
+        "within its speed band the compensator moves from one end to the other",
+    ),
+}
+FORMATS["ros2"] = replace(
+    FORMATS["cpp"], title="ROS 2 (a controller that knows the load)", package=True
+)

@@ -53,6 +53,7 @@ identify arm.yaml log.csv  log.csv  sweep.yaml report.html advice.waypoints.yaml
 identify arm.yaml log.csv --held-out way.yaml  log.csv way.yaml  summary.json
 accuracy arm.yaml  -  accuracy.png accuracy.pdf accuracy.csv summary.json
 export arm.yaml --to cpp  -  pinfric_arm.hpp pinfric_arm_test.cpp
+export arm.yaml --to ros2  -  pinfric_arm.hpp package.xml CMakeLists.txt
 export arm.yaml --to mjcf  -  arm.mjcf.xml
 """
 SINGLE = """

@@ -46,11 +46,11 @@ def export_report(exported: Exported) -> Report:
     lines = [
         "the header uses the present load and needs no constants; the constants below are for "
         "comparison, `error` is their error along this motion"
-    ] * (exported.to == "cpp")
+    ] * (form.write is None)
     lines += [
         "constants in the joint's unit, per rad/s or m/s, and in kg m^2 or kg; error: compared "
         "with the scene's torque (motor torque x ratio) while the joint moves",
-        f"at rest the scene has a torque range beside the load: {FORMATS[exported.to].at_rest}",
+        f"at rest the scene has a torque range beside the load: {form.at_rest}",
         *(f"not in the file: {line}" for line in exported.left_out),
         *exported.notes,
     ]
