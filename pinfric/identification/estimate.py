@@ -42,6 +42,7 @@ from pinfric.identification.columns import (
 from pinfric.identification.contacts import Contact, contacts, without_contacts
 from pinfric.identification.delay import Delay, common_delay, log_delay
 from pinfric.identification.inertias import consistent_fit, urdf_prior, with_parameters
+from pinfric.identification.influence import influence
 from pinfric.identification.laws import (
     BACKWARD,
     COULOMB,
@@ -56,6 +57,7 @@ from pinfric.identification.laws import (
     STRIBECK_BACKWARD,
     STRIBECK_FORWARD,
     STRIBECK_LOAD,
+    K,
     Law,
     candidates,
 )
@@ -63,6 +65,7 @@ from pinfric.identification.normal import (
     BlockProducts,
     Fit,
     FrictionNormalEquations,
+    above_zero,
     weighted,
 )
 from pinfric.identification.recordings import STILL, Recording
@@ -80,6 +83,8 @@ from pinfric.model.scene import Scene
 #: Both losses of a gear show where the load drives and is driven in at least this share of the
 #: rows. A gear loses at most this share of what passes it (an efficiency of two thirds).
 _LEAST_SHARE, _MOST_LOSS = 0.15, 0.5
+#: Standard errors from which a loss shows although friction is larger than the load.
+_CLEARLY = 4.0
 #: Blocks in which something slides: those of the shortest log.
 _FEWEST_BLOCKS = 4
 #: A model that leaves a larger share of what a joint's mean effort alone leaves explains nothing:
@@ -446,11 +451,27 @@ def turns(scene: Scene, name: str) -> bool:
 
 
 def _shows_gear(estimate: Estimate, joint: int) -> bool:
-    """Whether a joint's load is large enough beside its friction to show a gear's loss."""
+    """Whether a joint's load is large beside its friction, or shows a gear's loss for all that."""
     # friction that was fitted without a gear contains the gear's loss at the mean load
     load = estimate.rows[joint].load
     coulomb = 0.5 * float(estimate.fit.slots[joint, COULOMB].sum())
-    return float(np.sqrt(np.mean(load**2))) > coulomb - _MOST_LOSS * float(np.mean(np.abs(load)))
+    large = coulomb - _MOST_LOSS * float(np.mean(np.abs(load)))
+    return float(np.sqrt(np.mean(load**2))) > large or _loses(estimate, joint)
+
+
+def _loses(estimate: Estimate, joint: int) -> bool:
+    """Whether a joint's gear loss, beside its present law, is many standard errors above zero."""
+    problem, laws = estimate.problem, list(estimate.choice.laws)
+    laws[joint] = replace(laws[joint], load="gear", side="motor", both_ways=True)
+    slots = problem.slots(laws)
+    fit = FrictionNormalEquations(problem.normal(), problem.prior).fit(slots)
+    place, loss = above_zero(fit, slots), GEARS["motor", "both"]
+    at = place == joint * K + loss
+    if not at.any():
+        return False
+    moved, _ = influence(problem.grams, problem.weights, problem.prior, fit, place)
+    error = float(np.linalg.norm(moved[:, -place.size :][:, at]))
+    return float(fit.slots[joint, loss]) > _CLEARLY * error
 
 
 def offered(estimate: Estimate, joint: int) -> tuple[Law, ...]:

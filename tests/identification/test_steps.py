@@ -14,9 +14,11 @@ from identify_cases import (
     KEPT,
     NAMES,
     PLAIN,
+    RATIO,
     excitation,
     fit_of,
     guess,
+    logged,
     motor_effort,
     one_joint,
     parameter,
@@ -241,6 +243,29 @@ def test_both_losses_of_a_gear_show_where_masses_are_known():
     assert (transmission.efficiency, transmission.back_efficiency) == pytest.approx(
         (drives, driven), rel=1e-5
     )
+
+
+def test_a_gears_loss_shows_beside_friction_that_is_larger_than_the_load():
+    """Before, no gear was offered there, and the residual was doubted to depend on the load."""
+    elbow, friction = NAMES[2], dict(truth().friction)
+    del friction[elbow]
+    dry = 25.0 / RATIO
+    geared = {"efficiency": 0.85, "back_efficiency": 0.8, "motor_viscous": 7.0 / RATIO**2}
+    geared |= {"ratio": RATIO, "no_load_torque": {"static": dry, "kinetic": dry}}
+    others = [one for one in truth().actuators if one.joint != elbow]
+    scene = truth().with_(
+        friction=friction, actuators=[*others, {"joint": elbow, "transmission": geared}]
+    )
+    motion = excitation(1, 30.0, 125.0)
+    laws = {name: Law() for name in NAMES if name != elbow}
+    given = logged(1, motion, motor_effort(scene, motion))
+    found = pf.identify(guess(1, bearing=False), given, laws=laws)
+    load = found.estimate.rows[2].load
+    assert np.sqrt(np.mean(load**2)) < 0.6 * 25.0
+    assert (found.laws[elbow].load, found.laws[elbow].side) == ("gear", "motor")
+    product = parameter(found, "transmission", 2, "efficiency_product")
+    assert product.low < 0.85 * 0.8 < product.high
+    assert not any("the effort that it transmits" in doubt for doubt in found.doubts)
 
 
 def test_a_joint_that_never_moves_keeps_what_the_scene_says():
