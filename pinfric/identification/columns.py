@@ -38,7 +38,7 @@ _PER_PERIOD = 4.0
 _BESIDE, _AT_ENDS = 0.35, 0.3
 #: Periods of it between samples from which a reversal between two of them is left out: both signs
 #: fall on samples, which draws a delay to multiples of the step.
-_COARSE = 0.125
+COARSE = 0.125
 #: s: half of the time as slow as noise from which a joint rests, and does not only turn.
 _TURN = 0.1
 #: Samples of all logs that are kept, an hour at 4 Hz: residuals are autocorrelated over a longer
@@ -302,7 +302,7 @@ def _sliding(recording: Recording, known: BoolArray) -> BoolArray:
 
 def coarse(step: float) -> bool:
     """Return whether samples (s apart) are so rare that signs fall on them at reversals."""
-    return step * PASS > _COARSE
+    return step * PASS > COARSE
 
 
 def unresting(recording: Recording) -> BoolArray:

@@ -77,7 +77,7 @@ from pinfric.identification.stribeck import (
 )
 from pinfric.identification.ways import FEWEST, Build, find_ways, reversals, with_ways
 from pinfric.model.arrays import BoolArray, FloatArray
-from pinfric.model.couples import mixed, taking_part
+from pinfric.model.couples import mixed
 from pinfric.model.scene import Scene
 
 #: Both losses of a gear show where the load drives and is driven in at least this share of the
@@ -309,8 +309,8 @@ def _take_plain(estimate: Estimate, where: BoolArray) -> None:
 def _find_ways(estimate: Estimate) -> None:
     """Find the ways over which friction builds up, and with them the delay, by plain friction."""
     scene = estimate.question.scene
-    if taking_part(scene.drives) or any(coarse(log.recording.step) for log in estimate.prepared):
-        return  # friction there follows the motors' angles; signs would draw the delay
+    if rare_samples(estimate):
+        return  # signs would draw the delay
     strokes = [
         sum(reversals(log, j).size + 1 for log in estimate.prepared if log.slides[:, j].any())
         for j in range(scene.model.nv)
@@ -333,6 +333,12 @@ def _find_ways(estimate: Estimate) -> None:
         logs = ((build.delay, build.error),) * len(estimate.prepared)
         estimate.delay = Delay(build.delay, build.error, logs, {}, (False,) * len(logs))
         estimate.prepared = tuple(reloaded(estimate, log) for log in estimate.prepared)
+
+
+def rare_samples(estimate: Estimate) -> list[Recording]:
+    """Return the logs with so few samples a second that no ways are looked for in any."""
+    recordings = [log.recording for log in estimate.prepared]
+    return [recording for recording in recordings if coarse(recording.step)]
 
 
 def _find_delay(estimate: Estimate, reload: bool = False) -> None:

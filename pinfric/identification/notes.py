@@ -9,9 +9,9 @@ from typing import NamedTuple
 import numpy as np
 
 from pinfric.identification.choice import free_errors
-from pinfric.identification.columns import FEWEST_ROWS, PRESLIDING, Rows
+from pinfric.identification.columns import COARSE, FEWEST_ROWS, PASS, PRESLIDING, Rows
 from pinfric.identification.delay import other_delays
-from pinfric.identification.estimate import Estimate, scale_is_known
+from pinfric.identification.estimate import Estimate, rare_samples, scale_is_known
 from pinfric.identification.findings import HeldOut
 from pinfric.identification.inertias import mass_changes
 from pinfric.identification.laws import BACKWARD, FORWARD, INERTIA, K
@@ -34,6 +34,9 @@ _MISSED = 0.1
 #: Times the fitted rows' error from which that of all moving rows is a doubt: 1.0 to 1.2 where the
 #: laws hold, 4 to 10 where friction builds up over 2 to 8 mrad.
 _BESIDE_REVERSALS = 2.0
+#: Share of the effort in moving rows below which their error says nothing: without noise any is
+#: many times another.
+_BARELY = 0.01
 #: A motor's friction is a larger share of its effort than this.
 _LEAST_FRICTION = 0.01
 #: Share of the time at rest in which an effort should be within the interval.
@@ -116,7 +119,7 @@ def notes(
         "or a filter, or too few samples a motion": [
             f"{name} {100 * error.moving_share:.0f} for {100 * error.share:.1f} %"
             for name, error in errors.items()
-            if error.moving_error > _BESIDE_REVERSALS * error.error
+            if error.moving_error > _BESIDE_REVERSALS * error.error and error.moving_share > _BARELY
         ],
         "the model does not explain its effort (held-out error / error of the mean effort), so it "
         "keeps the scene's friction: check joint, sign, zero and unit of its columns of angle and "
@@ -369,6 +372,12 @@ def _payload_factors(factors: Sequence[EffortFactor]) -> list[str]:
 def _of_ways(estimate: Estimate) -> list[str]:
     """Ways over which friction builds up, and those that the logs do not tell."""
     build, names = estimate.build, estimate.scene.joint_names
+    if rare := rare_samples(estimate):
+        each = ", ".join(f"{log.name} has {1.0 / log.step:.3g}" for log in rare)
+        return [
+            "a way over which friction builds up after reversals is not looked for below "
+            f"{PASS / COARSE:g} samples a second: {each}"
+        ]
     if build is None:
         return []
     found = [

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import combinations
 from pathlib import Path
 from typing import Any
@@ -43,6 +44,7 @@ class Recording:
             joints'.
         effort: (T, nv) measured, N m or N at the joint; NaN where there is none.
         noise: (nv,) standard deviation of the velocities, rad/s or m/s.
+        rates: (nv, nv) S of `model.couples`, the identity without couples.
     """
 
     name: str
@@ -52,6 +54,19 @@ class Recording:
     acceleration: FloatArray
     effort: FloatArray
     noise: FloatArray
+    rates: FloatArray
+
+    @cached_property
+    def position(self) -> FloatArray:
+        """(T, nv) of the drives, rad or m."""
+        return np.asarray(self.trajectory.joint_positions() @ self.rates.T)
+
+    @property
+    def position_noise(self) -> FloatArray:
+        """(nv,) standard deviation of the drives' positions, rad or m; 0: not known."""
+        noise, joints = self.reading.noise, self.trajectory.joint_names
+        own = np.array([noise.get(name, 0.0) for name in joints])
+        return np.asarray(np.abs(self.rates) @ own)
 
     @property
     def unclear(self) -> FloatArray:
@@ -86,9 +101,10 @@ class Recording:
     ) -> Recording:
         """Return a recording with the drives' velocities and accelerations."""
         v, a = trajectory.v, trajectory.a
-        if not np.array_equal(rate_rows(scene.drives, scene.model.nv), np.eye(scene.model.nv)):
+        rates = rate_rows(scene.drives, scene.model.nv)
+        if not np.array_equal(rates, np.eye(scene.model.nv)):
             v, a = (drive_rates(scene.drives, x, x[:, :0]) for x in (v, a))
-        return cls(name, trajectory, step, v, a, effort, noise)
+        return cls(name, trajectory, step, v, a, effort, noise, rates)
 
 
 def stick_velocity(scene: Scene, recordings: Sequence[Recording]) -> float:

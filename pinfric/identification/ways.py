@@ -75,15 +75,14 @@ class Build(NamedTuple):
 
 def shares(prepared: Prepared, joint: int, way: float, gradual: bool) -> FloatArray:
     """Return (T,) the share z of a joint's friction along a log, 0 where its start is not known."""
-    motion, v = prepared.recording.trajectory, prepared.recording.velocity[:, joint]
+    recording = prepared.recording
+    t, v = recording.trajectory.t, recording.velocity[:, joint]
     if way <= 0.0:
         return np.sign(v)
     stops = way * np.array([GRADUAL if gradual else (1.0, np.nan, np.nan)])
     low, high = np.empty((2, v.size, 1))
-    q = np.ascontiguousarray(motion.joint_positions()[:, joint])[:, None]
-    carry_shares(
-        motion.t, q, np.ascontiguousarray(v)[:, None], np.array([-1.0]), stops, 0.0, low, high
-    )
+    q, v = (np.ascontiguousarray(x)[:, None] for x in (recording.position[:, joint], v))
+    carry_shares(t, q, v, np.array([-1.0]), stops, 0.0, low, high)
     return 0.5 * (low + high)[:, 0]
 
 
@@ -100,7 +99,7 @@ def with_ways(prepared: Prepared, ways: Sequence[Way | None]) -> Prepared:
 
 def reversals(prepared: Prepared, joint: int) -> FloatArray:
     """Return the strokes of a joint (rad or m) between its reversals in a log."""
-    v, q = prepared.recording.velocity[:, joint], prepared.recording.trajectory.joint_positions()
+    v, q = prepared.recording.velocity[:, joint], prepared.recording.position
     moves = np.flatnonzero(np.abs(v) > prepared.recording.slowest[joint])
     turned = moves[1:][np.diff(np.sign(v[moves])) != 0.0]
     return np.abs(np.diff(q[turned, joint]))
@@ -425,15 +424,10 @@ def find_ways(prepared: Sequence[Prepared], prior: Prior, offered: BoolArray) ->
     found: list[tuple[_Logs, _Fit, FloatArray, FloatArray]] = []
     refused: dict[int, str] = {}
     strokes = [np.concatenate([reversals(log, j) for log in prepared]) for j in range(offered.size)]
-    noise = np.array(
-        [
-            max(log.recording.reading.noise.get(name, 0.0) for log in prepared)
-            for name in prepared[0].recording.reading.noise
-        ]
-    )
+    noise = np.max([log.recording.position_noise for log in prepared], axis=0)
 
     def refusal(joint: int, way: float) -> str:
-        return _refusal(way, noise[joint] if joint < noise.size else 0.0, strokes[joint])
+        return _refusal(way, noise[joint], strokes[joint])
 
     for gradual in (False, True):
         logs = _Logs(prepared, prior, gradual)

@@ -13,6 +13,7 @@ from identify_cases import (
     Motion,
     count_goes_on,
     guess,
+    log,
     logged,
     motor_effort,
     truth,
@@ -108,6 +109,15 @@ def test_joints_that_reverse_three_times_are_not_asked_and_it_says_so():
     assert "\n" not in said
 
 
+def test_of_few_samples_a_second_ways_are_not_asked_and_it_says_so():
+    found = pf.identify(
+        guess(3), [log(3, 20.0, 50.0), log(4, 20.0, 100.0, name="fine")], laws=PLAIN
+    )
+    assert found.estimate.build is None
+    (said,) = (note for note in found.notes if "a way over which" in note)
+    assert said.endswith("is not looked for below 64 samples a second: log has 50")
+
+
 def test_a_way_that_no_log_can_tell_is_refused():
     strokes = np.array([0.1, 0.2, 0.2])
     assert _refusal(1e-3, 1e-5, strokes) == ""
@@ -120,8 +130,11 @@ def test_a_way_that_no_log_can_tell_is_refused():
 def test_the_share_of_a_log_is_that_of_its_positions():
     t = np.arange(200) * 0.01
     q = 0.01 * np.sin(4.0 * t)
-    motion = SimpleNamespace(t=t, joint_positions=lambda: q[:, None])
-    recording = SimpleNamespace(trajectory=motion, velocity=0.04 * np.cos(4.0 * t)[:, None])
+    recording = SimpleNamespace(
+        trajectory=SimpleNamespace(t=t),
+        position=q[:, None],
+        velocity=0.04 * np.cos(4.0 * t)[:, None],
+    )
     log = SimpleNamespace(recording=recording)
     expected = np.zeros(200)
     for k in range(1, 200):
@@ -137,11 +150,11 @@ def test_what_was_found_and_refused_is_said():
     way = Way(2e-3, 0.1, gradual=False, gain=0.4)
     build = Build((way, None), 0.004, 1e-4, {1: "0.03 or more: that is no yielding"})
     scene = SimpleNamespace(joint_names=("elbow", "wrist"))
-    found, refused = _of_ways(SimpleNamespace(build=build, scene=scene))
+    found, refused = _of_ways(SimpleNamespace(build=build, scene=scene, prepared=()))
     assert "builds up evenly after reversals (presliding)" in found
     assert found.endswith("elbow 0.002 (40 % of the square)")
     assert refused.endswith("is not determined: wrist 0.03 or more: that is no yielding")
-    assert _of_ways(SimpleNamespace(build=None, scene=scene)) == []
+    assert _of_ways(SimpleNamespace(build=None, scene=scene, prepared=())) == []
 
 
 def test_rows_after_a_reversal_are_those_of_three_tenths_of_a_second():

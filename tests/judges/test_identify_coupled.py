@@ -29,16 +29,19 @@ def _scene(folder: Path, gears: list[dict], friction: dict, factor: float | None
     return pf.load_scene(folder / "scene.yaml").with_(friction=friction, actuators=actuators)
 
 
+#: Friction of the second motor by direction, N m.
+_DRY = {
+    "positive": {"static": 0.03, "kinetic": 0.03},
+    "negative": {"static": 0.04, "kinetic": 0.04},
+}
+
+
 def test_friction_on_a_coupled_motors_side_is_found(tmp_path: Path) -> None:
     """Without the coupling the second motor's effort is missed; a scene without it says so."""
-    dry = {
-        "positive": {"static": 0.03, "kinetic": 0.03},
-        "negative": {"static": 0.04, "kinetic": 0.04},
-    }
     coulomb = {"coulomb": {"static": 3.0, "kinetic": 3.0}, "viscous": 2.0}
     gears = [
         {"ratio": 80.0, "rotor_inertia": 1e-5},
-        {"ratio": -50.0, "no_load_torque": dry, "motor_viscous": 4e-4},
+        {"ratio": -50.0, "no_load_torque": _DRY, "motor_viscous": 4e-4},
     ]
     true = _scene(tmp_path, gears, {"j1": coulomb}, -0.8)
     t = np.arange(0.0, 12.0, 0.01)
@@ -78,3 +81,43 @@ def test_friction_on_a_coupled_motors_side_is_found(tmp_path: Path) -> None:
     assert not any(line.startswith(said) for line in known["apart"].notes)
     with pytest.raises(IdentificationError, match="coupled, so a sensor"):
         pf.identify(true, [log], effort_at="joint")
+
+
+@pytest.mark.parametrize("ways", [(2e-3, 3e-3), (0.0, 0.0)], ids=["builds up", "jumps"])
+def test_ways_of_coupled_drives_are_those_of_their_motors_angles(
+    tmp_path: Path, ways: tuple[float, float]
+) -> None:
+    """Friction of the second motor builds up as q2 - 0.8 q1 goes on."""
+    of_joint = {"coulomb": {"static": 3.0, "kinetic": 3.0}, "viscous": 2.0}
+    gears = [
+        {"ratio": 80.0, "rotor_inertia": 1e-5},
+        {"ratio": -50.0, "no_load_torque": _DRY, "motor_viscous": 4e-4},
+    ]
+    for entry, way in zip((of_joint, gears[1]), ways, strict=True):
+        entry |= {"presliding": {"way": way}} if way else {}
+    true = _scene(tmp_path, gears, {"j1": of_joint}, -0.8)
+    random, t = np.random.default_rng(1), np.arange(0.0, 20.0, 0.002)
+    w, phase = random.uniform(0.6, 3.0, (2, 3)), random.uniform(0.0, 6.0, (2, 3))
+    q, v, a = (
+        np.stack(
+            [size * f(np.outer(t, row) + p) @ row**k for row, p in zip(w, phase, strict=True)], 1
+        )
+        for k, size, f in ((0, 0.35, np.sin), (1, 0.35, np.cos), (2, -0.35, np.sin))
+    )
+    found = pf.inverse_dynamics(true, q, v, a, t=t)
+    effort = 0.5 * (found.motor_torque_lower + found.motor_torque_upper) * np.array([80.0, -50.0])
+    effort = np.stack([np.interp(t - 0.004, t, column) for column in effort.T], axis=1)
+    effort += 0.01 * effort.std(axis=0) * random.normal(size=effort.shape)
+    count = 2.0 * np.pi / 2**18
+    log = pf.Log(t, count * np.rint(q / count), effort, name="log")
+    scene = _scene(tmp_path, [{"ratio": 80.0}, {"ratio": -50.0}], {}, -0.8)
+    known = pf.identify(scene, [log], inertia="keep", laws={"j1": Law(), "j2": Law()})
+    assert known.delay == pytest.approx(0.004, abs=5e-4)
+    intervals = {p.key: (p.low, p.high) for p in known.parameters if "presliding" in p.name}
+    if not ways[0]:
+        assert not intervals
+        return
+    for key, way in zip(("friction.j1", "transmission.j2"), ways, strict=True):
+        low, high = intervals[f"{key}.presliding.way"]
+        assert low < way < high < 1.5 * low, key
+    assert all(error.moving_share < 0.01 for error in known.errors.values())
