@@ -771,7 +771,7 @@ def replay(
     note_input(*(name for name in (motion_name, motors, log.columns) if name))
     if html is not None and not html.name:
         raise typer.BadParameter("is not a file name", param_hint="--html")
-    if html is not None and html.suffix.lower() not in (".html", ".htm"):
+    if html is not None and html.suffix.lower() in (".png", ".jpg", ".pdf", ".svg", ".gif", ".mp4"):
         raise typer.BadParameter(
             f"{html}: a page is HTML; name it {html.with_suffix('.html')}", param_hint="--html"
         )

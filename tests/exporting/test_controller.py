@@ -105,5 +105,5 @@ def test_an_identified_scene_says_how_far_its_level_is_known(tmp_path):
     assert pf.export(scene, to="cpp").uncertainty == {}
     again = pf.export(scene, to="cpp", posterior=tmp_path / "elsewhere.csv")
     assert again.uncertainty == made.uncertainty
-    with pytest.raises(PinfricError, match="are for 'cpp' only"):
+    with pytest.raises(PinfricError, match="are for 'cpp' and 'ros2' only"):
         pf.export(scene, to="mjcf", posterior=tmp_path / "elsewhere.csv")
