@@ -73,6 +73,7 @@ _PUBLIC = {
     "Elasticity": "pinfric.elastic.motion",
     "export": "pinfric.exporting.export",
     "Exported": "pinfric.exporting.export",
+    "actuator_law": "pinfric.exporting.actuator_law",
     "mujoco_friction": "pinfric.exporting.mujoco_bridge",
     "MujocoFriction": "pinfric.exporting.mujoco_bridge",
     "excite": "pinfric.identification.excite",
@@ -151,6 +152,7 @@ if TYPE_CHECKING:  # the same names for type checkers, which do not run __getatt
     from pinfric.errors import TrajectoryError as TrajectoryError
     from pinfric.errors import UndecidedAcceleration as UndecidedAcceleration
     from pinfric.errors import UndrivenMotionError as UndrivenMotionError
+    from pinfric.exporting.actuator_law import actuator_law as actuator_law
     from pinfric.exporting.export import Exported as Exported
     from pinfric.exporting.export import export as export
     from pinfric.exporting.mujoco_bridge import MujocoFriction as MujocoFriction

@@ -1012,7 +1012,7 @@ def export(
     scene_name: SceneName,
     to: Annotated[
         str,
-        option("mjcf, urdf, sdf, constants (JSON), cpp or ros2.", "FORMAT", "--to"),
+        option("mjcf, urdf, sdf, constants, actuator (both JSON), cpp, ros2.", "FORMAT", "--to"),
     ],
     trajectory_name: Annotated[
         str | None,
@@ -1037,7 +1037,8 @@ def export(
 
     For each constant its error against the scene along the trajectory is given. `--to cpp` writes
     a header for controllers, which uses the present load and needs no constants, and its test; it
-    prints the error that constants would make. `--to ros2` writes a package of ROS 2 around it.
+    prints the error that constants would make. `--to ros2` writes a package of ROS 2 around it,
+    `--to actuator` models of each joint's friction as trainers take them, with their errors.
     """
     from dataclasses import replace
 

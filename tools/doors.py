@@ -81,6 +81,10 @@ elastic = [{"joint": name, "transmission": gear} for name in arm.joint_names]
 pf.elasticity(pf.inverse_dynamics(arm.with_(actuators=elastic), motion())).summary()
 """,
     "export": "pf.export(arm, motion()); pf.export(arm, motion(), 'cpp')",
+    "actuator_law": """
+law = pf.actuator_law(arm, pf.export(arm, to="actuator"))
+is_number(*law(q[0], v[0], a[0]))
+""",
     "mujoco_friction": """
 import mujoco
 model = mujoco.MjModel.from_xml_string(pf.export(arm).text)

@@ -90,7 +90,7 @@ def joint_constants(
     Source: Lawson and Hanson, Solving Least Squares Problems, 1974, ch. 23.
     """
     scene, constants = result.scene, []
-    along, anywhere = _Sampled.of(result), None
+    along, anywhere = Sampled.of(result), None
     for column in columns:
         drives = [d for d, x in enumerate(scene.drives) if x.velocity_index == column.index_v]
         if len(drives) != 1:
@@ -100,13 +100,13 @@ def joint_constants(
             )
         d, still = drives[0], along
         if unmoved := not along.moving(drives[0]).any():
-            anywhere = anywhere or _Sampled.of(inverse_dynamics(scene, *random_states(scene)))
+            anywhere = anywhere or Sampled.of(inverse_dynamics(scene, *random_states(scene)))
             still = anywhere
         constants.append(_constants(still, d, column, terms, unmoved, along.at_rest(d)))
     return tuple(constants)
 
 
-class _Sampled(NamedTuple):
+class Sampled(NamedTuple):
     """Inverse dynamics of samples, with the motors' torques at the joints."""
 
     result: InverseResult
@@ -114,10 +114,12 @@ class _Sampled(NamedTuple):
     upper: np.ndarray
 
     @classmethod
-    def of(cls, result: InverseResult) -> _Sampled:
+    def of(cls, result: InverseResult) -> Sampled:
+        """Of a result with its drives."""
         return cls(result, *measured_interval(result, "reflected"))
 
     def slow(self, d: int) -> np.ndarray:
+        """(T,) bool: whether a drive sticks at its velocity."""
         limit = self.result.scene.stick_velocity_of(self.result.scene.drives[d])
         return np.abs(self.result.actuator_velocity[:, d]) <= limit
 
@@ -140,7 +142,7 @@ class _Sampled(NamedTuple):
 
 
 def _constants(
-    samples: _Sampled,
+    samples: Sampled,
     d: int,
     column: JointColumn,
     terms: tuple[str, ...],

@@ -12,7 +12,7 @@ import re
 from collections.abc import Iterable, Sequence
 from importlib import resources
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -206,11 +206,10 @@ def _frame(scene: Scene, name: str) -> pin.Frame:
 
 def _constants(scene: Scene, frames: Sequence[str], bounds: Bounds) -> list[str]:
     """All tables of a scene; their fields have the names of `compensator.hpp`."""
-    nv, na, twin = scene.model.nv, len(scene.drives), scene.twin()
-    # from the axes of each joint's child to those whose z is its axis
-    axes = np.where((twin.kind == PRISMATIC)[:, None], twin.axis[:, :3], twin.axis[:, 3:])
-    turns = np.array([np.eye(3), *(axes_along(axis) for axis in axes)])
-    bodies, sites, terms, rows = _bodies(scene, turns), *_laws(scene)
+    nv, na = scene.model.nv, len(scene.drives)
+    turns = _turns(scene)
+    bodies = [(name, _array(fields)) for name, fields in body_rows(scene)]
+    sites, terms, rows = _laws(scene)
     drives, lines = _drives(scene)
     placed = []
     for name in frames:
@@ -281,8 +280,19 @@ def _heaviest(scene: Scene) -> float:
     return min(_HEAVIEST * moving, LARGEST) if moving > 0.0 else LARGEST
 
 
-def _bodies(scene: Scene, turns: np.ndarray) -> list[tuple[str, str]]:
-    twin, model, rows = scene.twin(), scene.loaded_model(), []
+def _turns(scene: Scene) -> np.ndarray:
+    """From the axes of each joint's child to those whose z is its axis; first of the ground."""
+    twin = scene.twin()
+    axes = np.where((twin.kind == PRISMATIC)[:, None], twin.axis[:, :3], twin.axis[:, 3:])
+    return np.array([np.eye(3), *(axes_along(axis) for axis in axes)])
+
+
+def body_rows(scene: Scene) -> list[tuple[str, list[Any]]]:
+    """Return each joint's name, and its body by the fields of `Body` in `compensator.hpp`.
+
+    Bodies' axes are turned so that each joint's is z; arrays are not flattened.
+    """
+    twin, model, rows, turns = scene.twin(), scene.loaded_model(), [], _turns(scene)
     for row, name in enumerate(scene.joint_names):
         parent, turn = int(model.parents[row + 1]), turns[row + 1]
         placement, inertia = model.jointPlacements[row + 1], model.inertias[row + 1]
@@ -300,7 +310,7 @@ def _bodies(scene: Scene, turns: np.ndarray) -> list[tuple[str, str]]:
             turn @ inertia.lever,
             moments[np.triu_indices(3)],
         ]
-        rows.append((name, _array(fields)))
+        rows.append((name, fields))
     return rows
 
 

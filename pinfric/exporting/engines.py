@@ -41,6 +41,13 @@ _LINES: dict[str, tuple[tuple[str, str], ...]] = {
             "friction by up to {error}, and what is too much drives the arm",
         ),
     ),
+    "actuator": (
+        (
+            "whole",
+            "a controller must not add them at a measured velocity: where they exceed the joint's "
+            "own friction the rest drives the arm",
+        ),
+    ),
 }
 
 

@@ -17,6 +17,7 @@ from pinfric.dynamics.inverse.result import InverseResult
 from pinfric.dynamics.samples.random_states import random_states
 from pinfric.dynamics.samples.states import MotionLike
 from pinfric.errors import PinfricError, PinfricWarning, choose_from
+from pinfric.exporting.actuator import ActuatorForm, actuator_forms, actuators
 from pinfric.exporting.constants import JointConstants, joint_constants
 from pinfric.exporting.controller import compensator, level_uncertainty
 from pinfric.exporting.cpp import check_frames, default_frames, header_name
@@ -50,6 +51,8 @@ class Format:
         write: makes the file's text of the scene, the constants, their lines and the heading; None:
             it is the header of a compensator, with files beside it in its folder.
         lacks: what it does not hold of any scene.
+        models: whether it holds models of each joint, which `write` gets in place of the lines.
+        given: what stands in place of friction. beside: where its errors stand.
         package: whether these are a package, whose folder holds nothing else.
     """
 
@@ -59,6 +62,9 @@ class Format:
     at_rest: str
     write: Callable[..., str] | None = None
     lacks: tuple[str, ...] = ()
+    models: bool = False
+    given: str = "constants"
+    beside: str = "each joint their error against the scene's torque while the joint moves"
     package: bool = False
 
 
@@ -99,6 +105,9 @@ class Exported(Shown):
         default_factory=dict,
     )
     file: str = quantity("path of the written file; empty: not written yet", default="")
+    forms: tuple[ActuatorForm, ...] = quantity(
+        "of actuator: each joint's models and their errors, in the order of the joints", default=()
+    )
     name: str = ""
 
     def __repr__(self) -> str:
@@ -199,7 +208,8 @@ def export(
         scene: an open chain with drives at its joints.
         trajectory: or a simulated motion, with its payloads; None takes 1000 seeded random states
             inside the limits.
-        to: "mjcf" (MuJoCo), "urdf" (`<dynamics>`), "sdf", "constants" (JSON, for any engine), "cpp"
+        to: "mjcf" (MuJoCo), "urdf" (`<dynamics>`), "sdf", "constants" (JSON, for any engine),
+            "actuator" (JSON, models of friction that trainers run), "cpp"
             (a header for controllers, which uses the present load and needs no constants), "ros2"
             (the same header in a package of ROS 2, with a controller of ros2_control).
         frames: of "cpp" and "ros2", links for payloads and wrenches at run time; none: those that
@@ -235,14 +245,15 @@ def export(
     notes += shortfalls(to, joints, rotor_inertias(scene), creep)
     header = [
         f"{file_name(scene.source)} for {form.title}, written by pinfric.",
-        "Friction is given by constants, fitted to the motor's torque times the ratio, less that "
-        f"of the frictionless robot, over {file_name(name)} ({len(result.status)} samples); beside "
-        "each joint their error against the scene's torque while the joint moves.",
+        f"Friction is given by {form.given}, fitted to the motor's torque times the ratio, less "
+        f"that of the frictionless robot, over {file_name(name)} ({len(result.status)} samples); "
+        f"beside {form.beside}.",
         *(f"Not in this file: {line}." for line in left_out),
         *(f"{line[0].upper()}{line[1:]}." for line in notes),
         f"While a joint rests the scene has a torque range, given at each joint: {form.at_rest}.",
     ]
-    text = form.write(scene, joints, lines, header)
+    forms = actuator_forms(result, columns) if form.models else ()
+    text = form.write(scene, joints, forms or lines, header)
     if to == "mjcf" and (held := massless_joints(scene)):
         warnings.warn(
             f"{scene.source}: {', '.join(held)} {'moves' if len(held) == 1 else 'move'} no mass: "
@@ -250,7 +261,8 @@ def export(
             PinfricWarning,
             stacklevel=2,
         )
-    return Exported(scene.source, name, to, len(result.status), joints, left_out, notes, text)
+    samples = len(result.status)
+    return Exported(scene.source, name, to, samples, joints, left_out, notes, text, forms=forms)
 
 
 def _loads(scene: Scene, result: InverseResult) -> tuple[str, ...]:
@@ -466,7 +478,7 @@ def _left_out(scene: Scene, to: str) -> tuple[str, ...]:
     lines = [
         f"{_LEFT_OUT[effect.name]} ({effect.why})"
         for effect in effects(scene)
-        if effect.on and effect.name in _LEFT_OUT
+        if effect.on and effect.name in _LEFT_OUT and not FORMATS[to].models
     ]
     for name, friction in scene.friction.items():
         lines += [
@@ -533,6 +545,19 @@ FORMATS = {
         "an engine with dry friction holds with up to `dry`",
         _constants,
         ("links, masses and geometry: the file only has constants for a robot that you load",),
+    ),
+    "actuator": Format(
+        "actuator models (JSON; M1 to M6 of BAM)",
+        {"frictionloss": "frictionloss", "damping": "damping", "armature": "armature"},
+        ".actuator.json",
+        "an engine holds with up to the model's budget, of constants with up to `frictionloss`",
+        actuators,
+        ("links, masses and geometry: the file only has models for a robot that you load",),
+        models=True,
+        given="models of each joint",
+        beside="each model its errors against the scene's friction in that motion, at "
+        "accelerations up to the motors' limits (pushed) and at break-away (rest); `take` names "
+        "the simplest whose error is below 5 % of the friction or 1.1 times the least",
     ),
     "cpp": Format(
         "C++ (a compensator that knows the load)",

@@ -189,7 +189,7 @@ def refuse_result(path: Path, content: Mapping[str, Any], error: type[PinfricErr
         PinfricError: `error`, with what to take instead.
     """
     command = str(content.get("command", "")) if "pinfric" in content else ""
-    if command := "export" if "pinfric_constants" in content else command:
+    if command := "export" if {"pinfric_constants", "pinfric_actuator"} & {*content} else command:
         beside = _BESIDE.get(command, "")
         raise error(
             f"{path}: is what `pinfric {command}` found, no file for other commands"

@@ -24,6 +24,8 @@ def export_report(exported: Exported) -> Report:
     if not exported.joints:
         coupled = "drives are coupled, so constants of single joints are not comparable"
         return [f"{title}: {coupled}", *uncertain]
+    if exported.forms:
+        return _models(exported, title)
     table = table_of(
         title,
         exported.joints,
@@ -63,3 +65,20 @@ def export_report(exported: Exported) -> Report:
     if alike := [joint.joint for joint in exported.joints if not joint.apart]:
         lines.append(f"the motion does not determine each constant of {', '.join(alike)}")
     return paragraphs(table, [*lines, *uncertain])
+
+
+def _models(exported: Exported, title: str) -> Report:
+    """The models of each joint, and which one to take."""
+    table = table_of(
+        title,
+        exported.forms,
+        cells={"model": lambda form: f"{form.model} *" if form.taken else form.model},
+        zero=lambda form: 1e-9 * form.friction_rms,
+    )
+    lines = [
+        "* the one to take: the simplest whose error, in motion, at the motors' limits and at "
+        "break-away, is below 5 % of the friction or 1.1 times the least; m1 is constants",
+        *(f"not in the file: {line}" for line in exported.left_out),
+        *exported.notes,
+    ]
+    return paragraphs(table, lines)
