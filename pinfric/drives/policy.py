@@ -104,10 +104,17 @@ def _as_names(value: Any) -> Any:
 class Conditions(Entry):
     """Conditions of operation, with the defaults of common practice."""
 
-    bus_voltage: Positive = key("of the bus that feeds the amplifiers", 48.0, "V", default=48.0)
+    bus_voltage: Positive = key(
+        "of the bus that feeds the amplifiers; up to 60 V (DC, extra-low voltage) any winding is "
+        "taken, above that one whose nominal voltage times 1.5, or `max_voltage`, reaches it",
+        48.0,
+        "V",
+        default=48.0,
+    )
     amplifier_share: Number = key(
-        "part of the bus voltage that a motor gets from its amplifier, where that prints none; the "
-        "rest is for the control of the current",
+        "part of the bus voltage that a motor gets from its amplifier, where that prints none "
+        "(maxon's EPOS4: 0.9); the rest is for the control of the current; gearmotors with "
+        "electronics of their own get all",
         0.95,
         "1",
         gt=0,
@@ -115,7 +122,9 @@ class Conditions(Entry):
         default=0.9,
     )
     ambient: Number = key(
-        "temperature of the surroundings; makers rate servo motors up to 40 C",
+        "temperature of the surroundings; makers rate servo motors up to 40 C (IEC 60034-1, "
+        "clause not read), ratings at 25 C are reduced; outside of what makers rate nothing is "
+        "signed, and below 20 C strain wave gears lose more",
         25.0,
         "deg C",
         default=40.0,
@@ -124,7 +133,8 @@ class Conditions(Entry):
         "reserve on the peak torque; 20 to 30 % are usual", 1.2, "1", ge=1, default=1.2
     )
     rms_factor: Number = key(
-        "reserve on the continuous torque; with encoder and brake motors lose 7 to 16 %",
+        "reserve on the continuous torque; with encoder and brake motors lose 7 to 16 % "
+        "(Kollmorgen Developer Network, derating)",
         1.1,
         "1",
         ge=1,
@@ -150,10 +160,14 @@ class Conditions(Entry):
         "of all cylinders", "pneumatic", default="hydraulic"
     )
     hydraulic_pressure: Number = key(
-        "of the supply of hydraulic cylinders", 2.1e7, "Pa", ge=1e5, default=1.6e7
+        "of the supply of hydraulic cylinders; ISO 6020-2: 160 bar",
+        2.1e7,
+        "Pa",
+        ge=1e5,
+        default=1.6e7,
     )
     pneumatic_pressure: Number = key(
-        "of the supply of pneumatic cylinders, above that of the air",
+        "of the supply of pneumatic cylinders, above that of the air; makers print forces at 6e5",
         5e5,
         "Pa",
         ge=1e4,
@@ -164,31 +178,37 @@ class Conditions(Entry):
     )
     buckling_length: Number = key(
         "of a cylinder with its rod out, over the distance of its pins: 1 with pins at both ends, "
-        "2 with a free end, 0.7 with one clamped end, 0.5 with both clamped and guided",
+        "2 with a free end, 0.7 with one clamped end, 0.5 with both clamped and guided (Merkle)",
         0.7,
         "1",
         ge=0.5,
         default=1.0,
     )
     buckling_factor: Number = key(
-        "reserve on the force at which a cylinder buckles; 3 to 5 are usual",
+        "reserve on the force at which a cylinder buckles; 3 to 5 are usual (Haenchen)",
         5.0,
         "1",
         ge=1,
         default=3.5,
     )
     cooling: Literal["closed", "open", "fan"] = key(
-        "what air the joints give to their motors: none, free air, or that of a fan",
+        "what air the joints give to their motors: none (an open rotor keeps 0.63 of its "
+        "continuous torque, one with a fan 0.48, by maxon's closed versions), free air, or that "
+        "of a fan",
         "fan",
         default="closed",
     )
     mounting: Literal["scene", "any"] = key(
-        "how the robot is mounted: as the scene's gravity says, or any way round",
+        "how the robot is mounted: as the scene's gravity says, or any way round, with gravity "
+        "along each axis of the base; for some mountings give `--cycle wall.yaml:pick.csv`",
         "any",
         default="scene",
     )
     inertia_ratio: Positive = key(
-        "largest permitted J_load/(ratio^2 (J_motor + J_gear input))", 10.0, "1", default=10.0
+        "largest permitted J_load/(ratio^2 (J_motor + J_gear input)), by practice of servo drives",
+        10.0,
+        "1",
+        default=10.0,
     )
     life: Positive | None = optional(
         "L10 that gears and bearings must reach, for example a strain wave gear's at rated "
@@ -212,7 +232,7 @@ class Conditions(Entry):
     )
     amplifiers: dict[str, str] = key(
         "amplifier of the catalogue that feeds the motor, by joint; `others`: of all joints "
-        "that are not named",
+        "that are not named; without it the report names the smallest that feeds each motor",
         {"elbow": "EPOS4 50/5", "others": "EPOS4 50/15"},
         default_factory=dict,
     )
@@ -225,7 +245,8 @@ class Conditions(Entry):
         tuple[tuple[str, ...], ...],
         BeforeValidator(_as_groups, json_schema_input_type=tuple[tuple[str, ...], ...] | str),
     ] = key(
-        "groups of joints that share one motor and gear; on a command line a,b;c,d",
+        "groups of joints that share one motor and gear, each with its own brake; on a command "
+        "line a,b;c,d",
         [["wrist_1", "wrist_2"]],
         default=(),
     )
@@ -254,14 +275,15 @@ class Conditions(Entry):
         "number and duration in the gear's life", {"count": 100, "duration": 0.15}
     )
     holding_brake: Literal["any", "where_needed", "all"] = key(
-        "which joints need a brake: all; those that their own friction does not hold and, "
+        "which joints need a brake: all, as makers of light arms have it; those whose load exceeds "
+        "half of dry friction that is known to be their own, and 2 % of their largest effort, and, "
         "where the scene has `stops`, those that move; `any`: the same, if there is one",
         "all",
         default="where_needed",
     )
     brake_factor: Number = key(
-        "reserve on the brakes' torque; 1.5 to 3 are usual; at least 2 where masses or "
-        "payloads are guesses",
+        "reserve on the brakes' torque; 1.5 to 3 are usual (Machine Design, Mechantronics, 2007); "
+        "at least 2 where masses or payloads are guesses (B&R 8JSA V1.00, p. 20)",
         1.5,
         "1",
         ge=1,
@@ -269,7 +291,8 @@ class Conditions(Entry):
     )
     stop_factor: Number = key(
         "reserve on what gears bear in stops, by algebra and by simulation: both take gears as "
-        "rigid, and elastic ones ring",
+        "rigid, and elastic ones ring, at most to twice the peak; a gear with less than 1.32 times "
+        "this on the algebra's peak is simulated",
         1.5,
         "1",
         ge=1,
@@ -303,7 +326,8 @@ class Conditions(Entry):
         "of supply and cables: the bus sags by it times the current", 0.05, "Ohm"
     )
     resonance_base: Positive = key(
-        "least frequency of each of the first three joints, all others rigid",
+        "least frequency of each of the first three joints, all others rigid; our default, after a "
+        "maker's rule as it is quoted (Harmonic Drive 1019658, p. 22, not read)",
         8.0,
         "Hz",
         default=8.0,
