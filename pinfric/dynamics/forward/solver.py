@@ -62,8 +62,9 @@ from pinfric.model.schema import Friction
 
 #: Of an array of floats that lie next to each other: what kernels and Pinocchio take as it is.
 _FLOAT, _NEXT = np.dtype(float), (8,)
-#: Of `Solver._compensate`: the names of a motion's parts, and its kernel's `given`.
+#: Of `Solver._compensate`: the names of a motion's parts, and of a measured one's.
 _MOTION = ("v", "a", "v_ref", "error", "v_now")
+_MEASURED = ("v", "a", "v_now", "error", "v_now")
 _DEFAULT = CompensationOptions()
 _FLAGS = {flags: np.array(flags) for flags in product((False, True), repeat=4)}
 
@@ -814,9 +815,10 @@ class Solver:
         (ws, _), x = own.both, own.compensated or self._begin_compensation()
         q, nv, still = vector("q", q, ws.nq, "nq", ws.scene.model), ws.nv, x.still
         there = q if q_ref is None else vector("q_ref", q_ref, ws.nq, "nq", ws.scene.model)
+        names = _MEASURED if measured else _MOTION
         given = [
             still if part is None else vector(name, part, nv, "nv")
-            for name, part in zip(_MOTION, motion, strict=True)
+            for name, part in zip(names, motion, strict=True)
         ]
         v, a, v_ref, error, v_now = given
         has_error, has_v_now = motion[3] is not None, motion[4] is not None
@@ -829,7 +831,7 @@ class Solver:
         if compensate_sample(x.argument, q, v, a, v_ref, error, v_now, there, flags, rows, out):
             return out
         # Not normalized, or no state of this robot
-        named = zip(_MOTION, given, motion, strict=True)
+        named = zip(names, given, motion, strict=True)
         checked = {name: None if one is None else part for name, part, one in named}
         check_reach(self.scene, x.reach, {"q": q, "q_ref": there}, checked)
         normal = States.of(self.scene, q, v, a).q[0]

@@ -339,3 +339,13 @@ def test_a_second_at_rest_says_how_wide_the_bands_must_be():
 def test_a_record_that_is_not_of_rest_is_refused(q, v, message):
     with pytest.raises(StateError, match=message):
         joint_that_yields().options_at_rest(q, v)
+
+
+@pytest.mark.parametrize("bad", [[np.nan], [1e9], [0.0, 0.0], ["fast"]])
+def test_a_measured_velocity_that_is_none_is_called_by_its_name(bad):
+    solver = joint_that_yields()
+    before = solver.compensate_measured([0.3], [0.1])
+    with pytest.raises(StateError, match=r"^v_now: ") as found:
+        solver.compensate_measured([0.3], bad)
+    assert "\n" not in str(found.value)
+    assert solver.compensate_measured([0.3], [0.1]) == before  # no way counted
