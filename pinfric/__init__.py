@@ -12,7 +12,7 @@ from pinfric.model import upward
 # it must be set before Pinocchio loads.
 os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 
-__version__ = "0.1.0"
+__version__ = "1.0.0"
 
 #: Errors and warnings, as documented.
 _ERRORS = (

@@ -601,7 +601,7 @@ class Assumed(Entry):
 
     by: str = key("command that guessed", "pinfric new arm.urdf")
     date: str = key("when", "2026-11-22")
-    version: str = key("of pinfric", "0.1.0")
+    version: str = key("of pinfric", "1.0.0")
     inputs: dict[str, str] = key(
         "file read: its SHA-256", {"arm.urdf": "9f86d081884c7d65"}, default_factory=dict
     )
@@ -682,7 +682,7 @@ class SceneFile(Entry):
         {
             "by": "pinfric new arm.urdf",
             "date": "2026-11-22",
-            "version": "0.1.0",
+            "version": "1.0.0",
             "values": {"friction.elbow.coulomb": "5 % of 150 N m"},
         },
     )
