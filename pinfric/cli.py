@@ -24,7 +24,13 @@ from typing import Annotated, Any
 import typer
 
 from pinfric import __version__
-from pinfric.errors import PinfricError, PinfricWarning, SimulationInterrupted, plain
+from pinfric.errors import (
+    PinfricError,
+    PinfricWarning,
+    SimulationInterrupted,
+    SizingError,
+    plain,
+)
 from pinfric.kernels import NOTICES
 from pinfric.model.inputs import note_input, running, running_command
 from pinfric.terminal import (
@@ -404,7 +410,8 @@ def size(  # noqa: PLR0913 - options
         judged=True,
         outdated=names,
     )
-    report.check()  # what does not fit is the last line, and the exit code (2)
+    if report.verdict.failing:  # the last line, and the exit code (2)
+        raise SizingError(report.verdict.headline, report)
 
 
 def _cycles(

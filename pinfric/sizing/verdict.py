@@ -20,7 +20,7 @@ from enum import StrEnum
 from pinfric.model.brief import counted
 from pinfric.model.described import derived, described, quantity
 
-#: Joints of which the headline says what fails; the others are counted.
+#: Lines of what fails at the robot as a whole that the headline repeats.
 _MOST_FAILING = 2
 
 
@@ -98,13 +98,15 @@ class Verdict:
     @property
     @derived()
     def headline(self) -> str:
-        """How many joints can be signed, the mass of their drives, what fails, and where."""
+        """How many joints can be signed, the mass of their drives, which cannot, and the robot."""
         if not self.joints:
             unmet = f"{counted(len(self.failing), 'criterion', 'criteria')} not met"
             return unmet if self.failing else "no criterion fails"
         provisional = self.of(JointState.PROVISIONAL)
         said = f"{self.fitted} of {self.sized} joints can be signed"
-        parts = [f"{said}, {len(provisional)} provisional" if provisional else said]
+        said += f", {len(provisional)} provisional" * bool(provisional)
+        wrong = [joint.name for joint in self.joints if joint.why]
+        parts = [f"{said}, not {', '.join(wrong)}" if wrong else said]
         if self.fitted:
             these = " for these" * (self.fitted < self.sized)
             parts.append(f"{self.mass:.2f} kg of drives{these}")
@@ -113,10 +115,6 @@ class Verdict:
         if unloaded := self.of(JointState.UNLOADED):
             named = ", ".join(joint.name for joint in unloaded)
             parts.append(f"{named}: moves no mass, not sized")
-        wrong = [joint for joint in self.joints if joint.why]
-        parts += [f"{joint.name}: {joint.why}" for joint in wrong[:_MOST_FAILING]]
-        more = len(wrong[_MOST_FAILING:])
-        parts += [f"{counted(more, 'more joint')} not"] * bool(more)
         parts += self.failing[sum(len(joint.failing) for joint in self.joints) :][:_MOST_FAILING]
         return "; ".join([*parts, *([self.question] if self.question else ())])
 

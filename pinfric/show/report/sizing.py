@@ -62,12 +62,13 @@ def sizing_report(report: SizingReport, verbose: bool = True, written: bool = Fa
     notes = [f"note: {line}" for line in report.notes]
     failing = [*beyond_limits(report.result_without_masses), *report.verdict.failing]
     summary = sizing_summary(report)
-    said = (*rating_lines(summary), *body_lines(report), *friction_line(report))
+    said = (*rating_lines(summary, verbose), *body_lines(report), *friction_line(report))
     said = (*said, *report.verdict.remarks)
     how_ = mounted(report.given, report.conditions.mounting == "any", report.elsewhere)
     if not how_.startswith(_USUAL):
         said = (*said, how_)
-    opening = [verdict(report, verbose), *said, *(f"! {line}" for line in failing)]
+    head = verdict(report, verbose)
+    opening = [head, *said, *(f"! {line}" for line in failing if line not in head)]
     rating = rating_table(summary)
     if report.catalog is None:
         tables = rating, demand_table(report), mounting_table(summary)
@@ -161,19 +162,24 @@ def body_lines(report: SizingReport) -> list[str]:
     return [f"guess: {said}, for want of its `inertia`{adds}"]
 
 
-def rating_lines(summary: SizingSummary) -> list[str]:
-    """Return the robot's rating, and the lowest frequency with that payload."""
+def rating_lines(summary: SizingSummary, verbose: bool = True) -> list[str]:
+    """Return the robot's rating; verbose: also how it was judged, and the lowest frequency."""
     if (rating := summary.rating) is None:
         return []
     most = max(rating.joints, key=lambda joint: joint.held)
     aside = f", for {rating.across} as far off its axis" if rating.across else ""
     beside = "; beside the cycle: each joint bears both" if rating.joints[0].by_rating else ""
-    lines = [
+    rated = (
         f"rated for {digits(rating.payload)} kg, {digits(rating.payload_offset)} m beyond "
-        f"{rating.link}{aside}, up to {digits(rating.reach)} m from the second joint: held in the "
-        f"worst posture of each joint, at most {digits(most.held)} {most.unit} ({most.name}) "
-        f"without the masses of chosen drives, and lifted from there by it alone, in "
-        f"{digits(rating.acceleration_time)} s to top speed, at most 90\N{DEGREE SIGN}{beside}"
+        f"{rating.link}{aside}, up to {digits(rating.reach)} m from the second joint"
+    )
+    if not verbose:
+        return [rated + beside]
+    lines = [
+        f"{rated}: held in the worst posture of each joint, at most {digits(most.held)} "
+        f"{most.unit} ({most.name}) without the masses of chosen drives, and lifted from there by "
+        f"it alone, in {digits(rating.acceleration_time)} s to top speed, at most "
+        f"90\N{DEGREE SIGN}{beside}"
     ]
     swings = {joint.name: joint.frequency for joint in rating.joints if joint.frequency}
     if swings:
