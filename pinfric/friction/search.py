@@ -134,6 +134,12 @@ class _Query:
             counts = self._on_every_line()
         return self._all(counts) if self.several and m.figures[0] >= 1.0 else counts
 
+    def rest(self) -> tuple[int, int]:
+        """Let all at rest stick, and solve; see `rest.solve_modes`."""
+        _stick(self.modes, self.mechanism, {})
+        self.count.tried += 1
+        return _settle(self)
+
     def _count(self, weight: float) -> None:
         """Take the passes of the last solve from those that remain."""
         plain = weight * (3 if self.mechanism.closed else 1)
@@ -145,9 +151,13 @@ class _Query:
         choices = choices_of_lines(self.problem, m)
         self.count.unsure |= choices is None
         for efforts, stable in choices or ():
+            if self.passes <= 0:
+                self.count.unsure = True
+                break
             m.effort[:] = efforts
             lines = lines_and_rows(self.problem, m)[0]
             solutions, obeying = solve_modes(self.problem, m, self.mechanism, chosen=True)
+            self._count(_ON_LINES)
             known = solutions > 0 and np.isfinite(m.friction).all()
             if known and not any(_same(m, answer.modes) for answer in solved):
                 lasts = lasts_under_loads(self.problem, m, lines[:, 0])
@@ -304,6 +314,25 @@ def _search_island(
     return query.sure(outcome)
 
 
+def rests(problem: Problem, modes: Modes, mechanism: Mechanism) -> bool:
+    """Return whether friction holds all that is at rest, which every search tries first.
+
+    Forward dynamics and `holds` ask this: if so, nothing moves.
+
+    Args:
+        modes: with `at_rest`, and the modes of the others, set; overwritten with all at rest
+            sticking, and with the friction that holds it or the last one tried.
+    """
+    islands, held = split(problem, modes, mechanism), True
+    if not islands:
+        return _Query(problem, modes, mechanism, SearchStatistics(), several=True).rest()[1] > 0
+    for island in islands:
+        alone = island.problem, island.modes, island.mechanism
+        held &= _Query(*alone, SearchStatistics(), several=True).rest()[1] > 0
+        island.put_back(problem, modes, mechanism)
+    return held
+
+
 def _search_resting(query: _Query, forced: Ways, held: np.ndarray | None) -> SearchOutcome:
     """Find the modes of coordinates at rest if no joint passes its dead centre; see `search`."""
     modes, mechanism = query.modes, query.mechanism
@@ -311,19 +340,30 @@ def _search_resting(query: _Query, forced: Ways, held: np.ndarray | None) -> Sea
     if not rests.any():
         query.count.tried += 1
         return query.end(*query.solve())
-    if not (mechanism.closed or mechanism.ball.any()) and rests.sum() > _FEW:
-        outcome = _in_tree(query, forced, held)
+    # 1. all stick
+    first = None if forced else query.rest()
+    if first is not None and first[1]:
+        return query.end(*first)
+    unsolved = first is not None and first[0] < 0
+    # 2. what follows from there, and open chains
+    open_chain = not (mechanism.closed or mechanism.ball.any())
+    if open_chain and rests.sum() > _FEW and not (modes.stuck & ~rests).any():
+        outcome = _in_tree(query, forced, held, first)
         if outcome is not None:
-            return outcome
+            return SearchOutcome.NOT_CONVERGED if unsolved and outcome in _NOTHING else outcome
+        first = None
     if len(mechanism.joints(rests)) > MOST_ENUMERATED:
-        return _pivot(query, forced)
+        return _pivot(query, forced, first)
+    # 3. the others, those with few slipping joints first
     possible = PossibleWays(query.problem, mechanism, rests.copy())
-    levels = possible.levels(forced)
+    levels = possible.levels(forced, fewest=int(not forced))
     plain = not (mechanism.ball.any() or mechanism.idle.any())
     if mechanism.closed and plain and not (modes.stuck & ~rests).any():
         tree = Tree(query.problem, rests.copy(), modes.direction)
         levels = tree.allowed(levels) if tree.ends else levels
     outcome = _enumerate(query, levels, forced, held)
+    if unsolved and outcome == SearchOutcome.NONE:
+        outcome = SearchOutcome.NOT_CONVERGED
     missed = outcome in _NOTHING and (mechanism.ball & rests).any()  # a ball has one start only
     if missed or outcome == SearchOutcome.UNDECIDED:
         query.passes = MOST_PASSES
@@ -335,24 +375,18 @@ def _search_resting(query: _Query, forced: Ways, held: np.ndarray | None) -> Sea
     return outcome
 
 
-def _in_tree(query: _Query, forced: Ways, held: np.ndarray | None) -> SearchOutcome | None:
+def _in_tree(
+    query: _Query, forced: Ways, held: np.ndarray | None, first: tuple[int, int] | None
+) -> SearchOutcome | None:
     """Search an open chain without balls among the modes of its `tree.Tree`; None: too many."""
-    problem, modes, rests = query.problem, query.modes, query.modes.at_rest.copy()
-    if (modes.stuck & ~rests).any():
-        return None
-    if not forced:  # all stick, or what is the only answer
-        _stick(modes, query.mechanism, {})
-        if _has_one_answer(problem, rests):
-            return _follow(query, set())
-        query.count.tried += 1
-        solutions, obeying = query.solve()
-        if obeying:
-            return query.end(solutions, obeying)
-    tree = Tree(problem, rests, modes.direction)
+    if first is not None and _has_one_answer(query.problem, query.modes.at_rest):
+        return _follow(query, set(), first)
+    tree = Tree(query.problem, query.modes.at_rest.copy(), query.modes.direction)
     if not tree.ends:
         return None
     query.passes = min(_IN_TREE, MOST_PASSES)
-    outcome = _enumerate(query, tree.levels(forced), forced, held)
+    levels = ([ways for ways in level if ways] for level in tree.levels(forced))
+    outcome = _enumerate(query, levels, forced, held)
     if tree.complete and outcome != SearchOutcome.UNDECIDED:
         return outcome
     query.passes = MOST_PASSES
@@ -367,14 +401,16 @@ def _has_one_answer(problem: Problem, at_rest: np.ndarray) -> bool:
     return not (loaded or len(problem.gear_rotor) or problem.drag[rests].any()) and bool(same)
 
 
-def _pivot(query: _Query, forced: Ways) -> SearchOutcome:
+def _pivot(query: _Query, forced: Ways, first: tuple[int, int] | None = None) -> SearchOutcome:
     """Follow modes from all stick.
 
     The answer is the one with the fewest slipping joints if none breaks away beside `forced`.
+    `first`: see `_follow`.
     """
     modes = query.modes
-    _stick(modes, query.mechanism, forced)
-    outcome = _follow(query, set(forced))
+    if first is None:
+        _stick(modes, query.mechanism, forced)
+    outcome = _follow(query, set(forced), first)
     if outcome != SearchOutcome.SOLVED and not forced and not modes.effort.size:
         guess_modes(query.problem, modes, query.mechanism)
         modes.friction[:1], query.passes = np.nan, MOST_PASSES
@@ -488,20 +524,21 @@ def solve_given(
     return query.end(*query.solve())
 
 
-def _follow(query: _Query, fixed: set[int]) -> SearchOutcome:
+def _follow(query: _Query, fixed: set[int], first: tuple[int, int] | None = None) -> SearchOutcome:
     """Find consistent modes by block pivoting with Murty's rule as a safeguard, `fixed` unchanged.
 
     All joints that violate their law change their mode at once; when this stops reducing their
     number, only the last of them does (certain to end with a P-matrix). It ends where balls
-    do not settle.
+    do not settle. `first`: what `solve` returned of the modes as they are.
     """
     modes, mechanism, turns = query.modes, query.mechanism, 0
     fewest, patience = len(modes.stuck) + 1, _PATIENCE
     for _ in range(_CHANGES + _FOR_EACH * len(modes.stuck)):
         if query.passes <= 0:
             return SearchOutcome.UNDECIDED
-        query.count.tried += 1
-        solutions, obeying = query.solve()
+        if first is None:
+            query.count.tried += 1
+        (solutions, obeying), first = first or query.solve(), None
         if solutions <= 0:
             return outcome_of(solutions, 0)
         turns = turns + 1 if turn_balls(modes, mechanism) > TURNED else 0

@@ -412,7 +412,7 @@ def test_balls_hold_with_friction_that_loads_them():
 
 
 def test_a_search_that_comes_to_its_bound_says_so(monkeypatch):
-    scene, q, rng = two_ball_loops(1)
+    scene, q, rng = two_ball_loops(3)
     monkeypatch.setattr(search, "MOST_PASSES", 0)
     monkeypatch.setattr(search, "guess_modes", lambda *_: None)
     says = r"0 in \d+ modes? tried of 2916; the direction in which a ball slips is searched"

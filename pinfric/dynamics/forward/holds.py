@@ -10,14 +10,14 @@ import numpy as np
 from pinfric.dynamics.forward.forward import drive_vector
 from pinfric.dynamics.forward.workspace import Workspace
 from pinfric.dynamics.samples.closure import check_closed
-from pinfric.dynamics.samples.reactions import AppliedWrench, applied_wrenches
+from pinfric.dynamics.samples.reactions import applied_wrenches
 from pinfric.dynamics.samples.states import one_of, vector
-from pinfric.errors import AccelerationError
 from pinfric.friction.balance import RANK, Balance
 from pinfric.friction.gears import hold_chosen, lines_and_rows, ways_to_hold, without_gears
 from pinfric.friction.holding import Verdict, decide, least_possible_use
 from pinfric.friction.law import evaluate, stick_limits
-from pinfric.friction.rest import solve_modes
+from pinfric.friction.problem import Problem
+from pinfric.friction.search import rests
 from pinfric.model.scene import Scene, expect_scene
 
 #: Joints with at least this fraction of the largest use reach their limits together.
@@ -35,7 +35,7 @@ class StaticHold:
     """Whether static friction keeps a robot at rest, and with which margin.
 
     Attributes:
-        held: True, False, or None if neither could be shown.
+        held: True where forward dynamics lets all rest; False; None if neither could be shown.
         use: the largest ratio of a joint's friction to its static limit, the smallest found over
             all ways to share friction (up to 50 times the limits where it can wedge itself; a lower
             bound where balls rest and no friction holds). With motor torques a gear's friction is
@@ -77,8 +77,8 @@ def holds(
     """Decide whether static friction holds a robot at rest, and with which margin.
 
     Friction x must be in equilibrium with effort, gravity and loops, and |x_k| <= limit_k(x) at
-    every joint: use = min over all such x of max |x_k| / limit_k. A search looks for x and, if it
-    finds none, a proof shows that none exists (`holding`).
+    every joint: use = min over all such x of max |x_k| / limit_k. Whether one holds is what forward
+    dynamics tries first (`search.rests`); if none does, a proof shows that none exists (`holding`).
 
     Args:
         scene: the robot with its friction and drives.
@@ -110,7 +110,7 @@ def holds(
     modes = ws.modes
     modes.stuck[:] = ws.plan.coordinates.dry
     ws.assemble(q, v, u, applied)
-    verdict, shift = _decide_all(ws, q, u, applied)
+    verdict, shift = _decide_all(ws)
     modes.stuck[:], modes.direction[:] = ws.plan.coordinates.dry, 0.0
     modes.friction[:] = np.where(np.isfinite(verdict.friction), verdict.friction, 0.0)
     evaluate(ws.problem, modes.friction, modes.load, modes.rate)
@@ -131,59 +131,75 @@ def holds(
     )
 
 
-def _decide_all(
-    ws: Workspace, q: np.ndarray, effort: np.ndarray, applied: list[AppliedWrench] | None
-) -> tuple[Verdict, np.ndarray]:
-    """The verdict of the least use over all ways of self-locking gears, which stays in `ws.modes`.
+def _decide_all(ws: Workspace) -> tuple[Verdict, np.ndarray]:
+    """The verdict, with the least use over all ways of gears that lock; it stays in `ws.modes`.
 
-    `held` is False, and proved, only if it is so for every way; the use is the least if it is the
-    least of its way and no other has one below it. Beside it from where friction counts (nc,).
+    What forward dynamics lets rest is held. `held` is False, and proved, only if it is so for every
+    way; the use is the least if it is the least of its way and no other has one below it. Beside it
+    from where friction counts (nc,).
     """
-    ways = list(ways_to_hold(ws.problem, ws.modes))
-    tried = ways or [ws.modes.effort.copy()]  # none: too many
+    modes, dry = ws.modes, ws.plan.coordinates.dry
+    ways = list(ways_to_hold(ws.problem, modes))
+    modes.at_rest[:], modes.friction[:1] = dry, np.nan
+    stays = not dry.any() or rests(ws.problem, modes, ws.mechanism)
+    shown, efforts = modes.friction.copy(), modes.effort.copy()
     if ws.mechanism.balls:
-        return _decide_balls(ws, q, effort, applied, ways), np.zeros(len(ws.modes.stuck))
+        return _beside_balls(ws, stays, shown, ways), np.zeros(len(dry))
+    tried = ways or [efforts]  # none: too many
     found = list[tuple[Verdict, np.ndarray]]()
-    for efforts in tried:
-        ws.modes.effort[:] = efforts
-        hold_chosen(ws.problem, ws.modes)
+    for choice in tried:
+        _hold(ws, choice)
         used = min((verdict.use for verdict, _ in found), default=np.inf)
         found.append(_decide(ws, used))
     best = min(range(len(tried)), key=lambda i: found[i][0].use)
-    ws.modes.effort[:] = tried[best]
-    hold_chosen(ws.problem, ws.modes)
     verdict, shift = found[best]
     all_ways = [own for own, _ in found] if ways else []
     least = bool(ways) and all(own.least for own in all_ways)
-    if verdict.held:
-        friction = _as_in_forward_dynamics(ws, verdict, shift, tried[best])
-        return replace(verdict, least=least, friction=friction), shift
-    shown = bool(ways) and all(own.held is False for own in all_ways)
-    proved = shown and all(own.proved for own in all_ways)
-    held = False if shown else None
+    if stays and not verdict.held:  # by rounding, or where a proof took too long
+        _hold(ws, efforts)
+        _, shift = _from_there(ws)
+        use = min(_share(ws, shown, shift), 1.0)
+        return Verdict(True, use, shown, True, False), shift
+    _hold(ws, tried[best])
+    if stays:
+        friction = _as_in_forward_dynamics(ws, verdict, shift, shown)
+        return replace(verdict, proved=True, least=least, friction=friction), shift
+    shown_none = bool(ways) and all(own.held is False for own in all_ways)
+    proved = shown_none and all(own.proved for own in all_ways)
+    held = False if shown_none else None
     return replace(verdict, held=held, proved=proved, least=least), shift
 
 
+def _hold(ws: Workspace, efforts: np.ndarray) -> None:
+    """Let gears at rest hold the intervals of these efforts."""
+    ws.modes.effort[:] = efforts
+    hold_chosen(ws.problem, ws.modes)
+
+
+def _share(ws: Workspace, friction: np.ndarray, shift: np.ndarray) -> float:
+    """The largest ratio of friction (nc,), counted from a shift, to its limit; a ball's has one."""
+    dry, load, rate = ws.plan.coordinates.dry, ws.modes.load.copy(), ws.modes.rate.copy()
+    least, most = np.empty((2, len(dry)))
+    evaluate(ws.problem, friction, load, rate)
+    stick_limits(ws.problem, load, least, most)
+    x = friction - shift
+    size = np.sqrt(ws.mechanism.summed(x**2))
+    limit = np.where(ws.mechanism.ball | (x > 0.0), most - shift, shift - least)
+    limit = np.maximum(limit, _STILL * np.abs(shift) + 1e-300)
+    return float((size / limit)[dry].max(initial=0.0))
+
+
 def _as_in_forward_dynamics(
-    ws: Workspace, verdict: Verdict, shift: np.ndarray, efforts: np.ndarray
+    ws: Workspace, verdict: Verdict, shift: np.ndarray, shown: np.ndarray
 ) -> np.ndarray:
     """The friction (nc,) that forward dynamics shows, if none has a smaller use; else that found.
 
     Joints that do not reach the largest use may have many.
     """
-    modes, dry = ws.modes, ws.plan.coordinates.dry
-    if not ws.mechanism.groups(dry) or ws.mechanism.balls:
+    if not ws.mechanism.groups(ws.plan.coordinates.dry):
         return verdict.friction
-    modes.stuck[:], modes.direction[:], modes.friction[:1] = dry, 0.0, np.nan
-    solutions, _ = solve_modes(ws.problem, modes, ws.mechanism, chosen=True)
-    friction, least, most = modes.friction.copy(), *np.empty((2, len(dry)))
-    modes.effort[:] = efforts
-    hold_chosen(ws.problem, modes)
-    stick_limits(ws.problem, modes.load, least, most)
-    x = friction - shift
-    limit = np.where(x > 0.0, most - shift, shift - least)
-    same = solutions > 0 and (np.abs(x) <= verdict.use * (1.0 + _SAME) * limit)[dry].all()
-    return friction if same else verdict.friction
+    same = _share(ws, shown, shift) <= verdict.use * (1.0 + _SAME)
+    return shown if same else verdict.friction
 
 
 def _decide(ws: Workspace, least_below: float) -> tuple[Verdict, np.ndarray]:
@@ -195,50 +211,44 @@ def _decide(ws: Workspace, least_below: float) -> tuple[Verdict, np.ndarray]:
     nothing = np.zeros(len(dry))
     if not dry.any():
         return Verdict(True, 0.0, nothing, True, True), nothing
-    without = without_gears(ws.problem, ws.modes, lines_and_rows(ws.problem, ws.modes)[1])
-    assert without is not None  # no gear is in motion
-    plain, of_y = without
-    shift = of_y[:, 0] if of_y.size else nothing
+    plain, shift = _from_there(ws)
     balance = _statics(ws, dry, shift)
     verdict = decide(plain, ws.mechanism.factor, dry, balance, least_below)
     return replace(verdict, friction=verdict.friction + shift), shift
 
 
-def _decide_balls(
-    ws: Workspace,
-    q: np.ndarray,
-    effort: np.ndarray,
-    applied: list[AppliedWrench] | None,
-    ways: list[np.ndarray],
-) -> Verdict:
+def _from_there(ws: Workspace) -> tuple[Problem, np.ndarray]:
+    """The problem without gears, and from where its friction counts (nc,).
+
+    That is 0, or the nearest that a self-locking gear holds.
+    """
+    without = without_gears(ws.problem, ws.modes, lines_and_rows(ws.problem, ws.modes)[1])
+    assert without is not None  # no gear is in motion
+    plain, of_y = without
+    return plain, of_y[:, 0] if of_y.size else np.zeros(len(ws.modes.stuck))
+
+
+def _beside_balls(ws: Workspace, stays: bool, shown: np.ndarray, ways: list[np.ndarray]) -> Verdict:
     """The verdict where balls rest, whose limits are spheres: friction as in forward dynamics.
 
-    That looks for it over all ways of gears (none given: too many); the one found stays in
-    `ws.modes`. A bound of the use is above 1 where none holds.
+    Where that finds none over all ways of gears (none given: too many), and a bound of the use is
+    above 1 for each, none holds.
     """
-    dry, nothing = ws.plan.coordinates.dry, np.zeros(len(ws.modes.stuck))
-    unknown, resting = np.full(len(dry), np.nan), np.flatnonzero(dry)
-    balance, block = _statics(ws, dry, nothing), ws.mechanism.block[dry]
+    efforts, dry = ws.modes.effort.copy(), ws.plan.coordinates.dry
+    use = _share(ws, shown, np.zeros(len(dry))) if np.isfinite(shown).all() else np.inf
+    if stays:
+        _hold(ws, efforts)
+        return Verdict(True, use, shown, True)
+    resting, block = np.flatnonzero(dry), ws.mechanism.block[dry]
+    balance = _statics(ws, dry, np.zeros(len(dry)))
     bounds = [0.0] * (not ways)
-    for efforts in ways:
-        ws.modes.effort[:] = efforts
-        hold_chosen(ws.problem, ws.modes)
+    for choice in ways:
+        _hold(ws, choice)
         bounds.append(least_possible_use(ws.problem, resting, balance, block))
+    _hold(ws, efforts)
     if min(bounds) > 1.0 + _MARGIN:
-        return Verdict(False, min(bounds), unknown, True)
-    try:
-        ws.solve(q, np.zeros(ws.nv), effort, applied)
-    except AccelerationError:
-        return Verdict(None, np.inf, unknown, False)
-    held = bool(ws.modes.stuck[dry].all())
-    limit = np.maximum(np.maximum(ws.most, -ws.least), 1e-300)
-    size = np.sqrt(ws.mechanism.summed(ws.modes.friction**2))
-    use = float((size / limit)[dry].max())
-    friction, efforts = ws.modes.friction.copy(), ws.modes.effort.copy()
-    ws.assemble(q, np.zeros(ws.nv), effort, applied)
-    ws.modes.effort[:] = efforts
-    hold_chosen(ws.problem, ws.modes)
-    return Verdict(True if held else None, use, friction, held)
+        return Verdict(False, min(bounds), np.full(len(dry), np.nan), True)
+    return Verdict(None, use, shown, False)
 
 
 def _statics(ws: Workspace, resting: np.ndarray, shift: np.ndarray) -> Balance:
