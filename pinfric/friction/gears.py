@@ -390,7 +390,7 @@ def jam(problem: Problem, modes: Modes) -> Jam | None:
     return Jam(int(moves[order[0]]), float(size[0]), {int(moves[g]): x for g, x in enough.items()})
 
 
-def is_certain(problem: Problem, modes: Modes) -> bool:
+def one_answer(problem: Problem, modes: Modes) -> bool:
     """Return whether there is one answer for every u in given modes."""
     stiffness = _stiffness(problem, modes)
     if stiffness is None:

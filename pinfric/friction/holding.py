@@ -69,7 +69,7 @@ def decide(
         return Verdict(False, np.inf, np.full(len(at_rest), np.nan), True, True)
     if balance.each_alone:
         return _decide_alone(problem, resting, balance)
-    narrow, wide, planar, certain = make_rest(problem, resting, balance)
+    narrow, wide, planar, contracts = make_rest(problem, resting, balance)
     # 1. the search
     z = np.zeros(wide.N.shape[1])
     use = float(descend(wide, z))
@@ -82,7 +82,7 @@ def decide(
         if outcome == 1:
             held, proved, z, use = True, True, near, float(descend(wide, near))
         elif outcome == 0:
-            held, proved = False, certain
+            held, proved = False, contracts
     # 3. the least use: none below `shown`; near the last one found, then halfway between the two
     least, shown, found = not z.size or not len(wide.owner), 0.0, 0
     for _ in range(_MOST_PROOFS if least_below and planar else 0):

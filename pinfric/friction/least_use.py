@@ -126,14 +126,14 @@ def make_rest(
     np.add.at(C, owner, np.linalg.norm(maps, axis=2) / unit[owner, None])
     C[:, 0] += np.where(unlimited, 0.0, higher) / unit
     C[unlimited] = 0.0
-    certain = not C[:, 1:][:, unlimited & ~shared.follows].any()
-    certain = certain and spectral_radius_bound(C[:, 1:].copy(), np.empty(n)) < 1.0 - 1e-3
-    box = np.linalg.solve(np.eye(n) - C[:, 1:], C[:, 0]) if certain else np.zeros(n)
+    contracts = not C[:, 1:][:, unlimited & ~shared.follows].any()
+    contracts = contracts and spectral_radius_bound(C[:, 1:].copy(), np.empty(n)) < 1.0 - 1e-3
+    box = np.linalg.solve(np.eye(n) - C[:, 1:], C[:, 0]) if contracts else np.zeros(n)
     least = np.maximum(NOISE * shared.noise / unit, _LEAST_UNIT)
     uses = np.abs(x / unit)[~unlimited]
     wide = np.maximum(box, max(_WEDGED, 2.0 * float(uses.max(initial=0.0))))
     wide[shared.follows] = np.inf
-    narrow = np.where(unlimited, wide, box + least) if certain else wide
+    narrow = np.where(unlimited, wide, box + least) if contracts else wide
     arrays = Rest(
         unit=unit,
         x0=x / unit,
@@ -154,7 +154,7 @@ def make_rest(
         _boxed(arrays, narrow, free, maps),
         _boxed(arrays, wide, free, maps),
         bool((rank <= 2).all()),
-        bool(certain),
+        bool(contracts),
     )
 
 

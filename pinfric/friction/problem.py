@@ -170,19 +170,23 @@ class Modes(NamedTuple):
     @classmethod
     def of(cls, nc: int, ne: int, ng: int = 0) -> Modes:
         """Make the arrays for nc coordinates, ne entries and ng gears."""
-        friction = np.zeros(nc)
-        friction[:1] = np.nan
-        return cls(
+        modes = cls(
             np.zeros(nc, dtype=bool),
             np.zeros(nc),
             np.zeros(nc, dtype=bool),
-            friction,
+            np.zeros(nc),
             np.zeros(ne),
             np.zeros(ng),
             np.zeros(nc),
             np.zeros(nc, dtype=np.int64),
             np.zeros(2),
         )
+        modes.forget()
+        return modes
+
+    def forget(self) -> None:
+        """Let friction be no guess for the next solve."""
+        self.friction[:1] = np.nan
 
     def copy(self) -> Modes:
         """Return modes with arrays of their own."""

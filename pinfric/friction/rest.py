@@ -215,7 +215,7 @@ def _solve_held(
         if not groups:
             solutions, obeying = try_modes(problem, modes, chosen)
             if solutions <= 0:
-                modes.friction[:1] = np.nan  # what is there is no guess for the next solve
+                modes.forget()  # what is there is no guess for the next solve
             if mechanism.closed:
                 mechanism.way[:] = np.where(modes.stuck, -np.sign(modes.friction), modes.direction)
             return int(solutions), int(obeying)
@@ -277,7 +277,7 @@ class _Shared:
             passes += more
         modes.figures[:] = np.nan, passes_of_sharing(modes) + passes
         if not self.possible:
-            modes.friction[:1] = np.nan
+            modes.forget()
             return 0, 0, 0, 0
         self.write(self.image(start) if x is None else x)
         # 2. beyond limits another friction may hold, unless a ball's limit is a sphere or what
@@ -303,7 +303,7 @@ class _Shared:
         off_lines, changed = fit(self.given, modes, lines, True) if modes.effort.size else (0, 0)
         broken = self.judge()
         if x is None and not held:  # beyond its limits friction may grow without bound: breaks away
-            modes.friction[:1] = np.nan
+            modes.forget()
             return (1 if broken else -1), 0, 0, 0
         return 1, int(broken == 0), off_lines, changed
 

@@ -22,9 +22,9 @@ from pinfric.friction.balls import TURNED, turn_balls
 from pinfric.friction.gears import (
     choices_of_lines,
     fit,
-    is_certain,
     lasts_under_loads,
     lines_and_rows,
+    one_answer,
 )
 from pinfric.friction.given_modes import SHOULD_STICK, judge
 from pinfric.friction.islands import split
@@ -82,18 +82,18 @@ class SearchStatistics:
     Attributes:
         many: how many answers, and how many of them are stable; 0: one was found, others may exist.
         tried: in how many modes it looked for them.
-        unsure: whether gears allow more choices than were tried.
+        may_miss: whether gears allow more choices than were tried.
         island: (n,) coordinates of the island that decided the outcome; none: all did.
     """
 
     many: tuple[int, int] = (1, 1)
     tried: int = 1
-    unsure: bool = False
+    may_miss: bool = False
     island: np.ndarray = field(default_factory=lambda: np.empty(0, dtype=np.int64))
 
     def of_one_mode(self, solutions: int, obeying: int) -> SearchOutcome:
         """Return how a search of a single mode ends, from what `rest.solve_modes` returns."""
-        self.many, self.tried, self.unsure = (obeying, obeying), 1, False
+        self.many, self.tried, self.may_miss = (obeying, obeying), 1, False
         self.island = self.island[:0]
         return outcome_of(solutions, obeying)
 
@@ -106,7 +106,7 @@ class _Query:
         several: whether all solutions of given modes are wanted, where there may be several.
         answers: those in the modes solved last, if gears may have several; else empty.
         passes: that remain.
-        unsure: whether the search for all solutions of some modes reached its limit.
+        may_miss: whether the search for all solutions of some modes reached its limit.
         proved: whether the answer found is known to be the only one.
     """
 
@@ -117,11 +117,11 @@ class _Query:
     several: bool = False
     answers: list[Answer] = field(default_factory=list)
     passes: float = field(default_factory=lambda: MOST_PASSES)
-    unsure: bool = False
+    may_miss: bool = False
     proved: bool = True
 
     def __post_init__(self) -> None:
-        self.count.many, self.count.tried, self.count.unsure = (0, 0), 0, False
+        self.count.many, self.count.tried, self.count.may_miss = (0, 0), 0, False
 
     def solve(self) -> tuple[int, int]:
         """Solve the modes as they are, all solutions of them if wanted; see `rest.solve_modes`."""
@@ -130,7 +130,7 @@ class _Query:
         self._count(1.0)
         moves = not m.stuck[self.problem.gear_coordinate].all()
         off_lines = moves and m.figures[0] >= 1.0  # of several solutions some
-        if m.effort.size and (counts[0] < 0 or off_lines or not is_certain(self.problem, m)):
+        if m.effort.size and (counts[0] < 0 or off_lines or not one_answer(self.problem, m)):
             counts = self._on_every_line()
         return self._all(counts) if self.several and m.figures[0] >= 1.0 else counts
 
@@ -149,10 +149,10 @@ class _Query:
         """Solve the modes on every line of gears that may fit; `answers` are theirs."""
         m, solved = self.modes, list[Answer]()
         choices = choices_of_lines(self.problem, m)
-        self.count.unsure |= choices is None
+        self.count.may_miss |= choices is None
         for efforts, stable in choices or ():
             if self.passes <= 0:
-                self.count.unsure = True
+                self.count.may_miss = True
                 break
             m.effort[:] = efforts
             lines = lines_and_rows(self.problem, m)[0]
@@ -177,13 +177,13 @@ class _Query:
         if self.answers:
             return self.choose(list(self.answers))
         self.count.many = obeying, obeying
-        return self.sure(outcome_of(solutions, obeying))
+        return self.unless_missed(outcome_of(solutions, obeying))
 
-    def sure(self, outcome: SearchOutcome) -> SearchOutcome:
+    def unless_missed(self, outcome: SearchOutcome) -> SearchOutcome:
         """Return how the search ends, where what it may have missed would change that."""
-        unsure = self.count.unsure and outcome == SearchOutcome.NONE
-        unsure |= outcome == SearchOutcome.SOLVED and (self.unsure or self.count.unsure)
-        return SearchOutcome.UNDECIDED if unsure else outcome
+        missed = self.count.may_miss and outcome == SearchOutcome.NONE
+        missed |= outcome == SearchOutcome.SOLVED and (self.may_miss or self.count.may_miss)
+        return SearchOutcome.UNDECIDED if missed else outcome
 
     def choose(self, answers: list[Answer]) -> SearchOutcome:
         """Write an answer: of several the only stable one."""
@@ -204,7 +204,7 @@ class _Query:
         lines, rows = lines_and_rows(problem, modes)
         frictions = find_all(problem, modes.stuck, modes.direction, rows)
         self.passes -= frictions.parts
-        self.unsure |= frictions.complete is False
+        self.may_miss |= frictions.complete is False
         if len(frictions.solutions) <= counts[0]:
             return counts
         obeying = 0
@@ -256,14 +256,14 @@ def search(
         ends.append((_search_island(*alone, own, ways, stays, follow), own, island.modes.figures))
         island.put_back(problem, modes, mechanism)
     if np.isnan(modes.friction).any():
-        modes.friction[:1] = np.nan
+        modes.forget()
     worst = max((outcome for outcome, _, _ in ends), key=_GRAVITY.index)
     those = [(own, figures) for outcome, own, figures in ends if outcome == worst]
     modes.figures[:] = np.max([figures for _, figures in those], axis=0)
     many = np.prod([own.many for own, _ in those], axis=0).tolist()
     count.many = (many[0], many[1]) if worst == SearchOutcome.SOLVED else those[0][0].many
     count.tried, count.island = those[0][0].tried, those[0][0].island
-    count.unsure = any(own.unsure for own, _ in those)
+    count.may_miss = any(own.may_miss for own, _ in those)
     return worst
 
 
@@ -311,7 +311,7 @@ def _search_island(
         modes.direction[passing] = np.sign(modes.rate[passing])
     if outcome == SearchOutcome.SOLVED and not query.proved:
         query.count.many = 0, 0
-    return query.sure(outcome)
+    return query.unless_missed(outcome)
 
 
 def rests(problem: Problem, modes: Modes, mechanism: Mechanism) -> bool:
@@ -413,7 +413,8 @@ def _pivot(query: _Query, forced: Ways, first: tuple[int, int] | None = None) ->
     outcome = _follow(query, set(forced), first)
     if outcome != SearchOutcome.SOLVED and not forced and not modes.effort.size:
         guess_modes(query.problem, modes, query.mechanism)
-        modes.friction[:1], query.passes = np.nan, MOST_PASSES
+        modes.forget()
+        query.passes = MOST_PASSES
         outcome = _follow(query, set())
     if outcome in _NOTHING:
         return SearchOutcome.UNDECIDED  # there are modes that were not tried
@@ -480,7 +481,7 @@ def _settle(query: _Query) -> tuple[int, int]:
     modes = query.modes
     if not query.mechanism.closed:
         return query.solve()
-    modes.friction[:1] = np.nan  # what is shared is no guess for other modes
+    modes.forget()  # what is shared is no guess for other modes
     for n in range(_CHANGES):
         solutions, obeying = query.solve()
         if solutions <= 0:

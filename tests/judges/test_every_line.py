@@ -16,7 +16,7 @@ import pinfric as pf
 from pinfric.dynamics.forward.workspace import Workspace
 from pinfric.errors import GearJam, UndecidedAcceleration
 from pinfric.friction import gears as gears_module
-from pinfric.friction.gears import is_certain
+from pinfric.friction.gears import one_answer
 from pinfric.model.drives import gear_table, held_efforts
 from pinfric.model.transmission import Transmission
 
@@ -144,7 +144,7 @@ def test_with_the_rotors_that_a_refusal_names_there_is_one_answer(kind, seed, co
         ws.assemble(q, v, torque * [drive.transmission.ratio for drive in scene.drives])
         ws.modes.stuck[:] = False
         ws.modes.direction[:] = np.sign(ws.machine.kinematics.coordinate_rate)
-        assert is_certain(ws.problem, ws.modes) == certain
+        assert one_answer(ws.problem, ws.modes) == certain
         if certain:
             (answer,) = answers(system._replace(gears=gears))
             found = pf.forward_dynamics(changed, q, v, motor_torque=torque)

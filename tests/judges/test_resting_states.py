@@ -131,7 +131,8 @@ def test_nine_joints_whose_pivoting_ends_are_searched_in_a_step_of_time():
     ws = Workspace(scene)
     ws.assemble(np.zeros(9), np.zeros(9), effort)
     ws.modes.stuck[:] = ws.modes.at_rest[:] = True
-    ws.modes.direction[:], ws.modes.friction[:1] = 0.0, np.nan
+    ws.modes.direction[:] = 0.0
+    ws.modes.forget()
     assert ws.search_step() == SearchOutcome.AMBIGUOUS
     assert ws.count.many == (2, 2)
 

@@ -139,7 +139,7 @@ class Failures:
             reason = f"the coupled solve does not reach its tolerance (contraction {contraction})"
         elif outcome == SearchOutcome.UNDECIDED:
             finding = UndecidedAcceleration
-            if self._count.unsure:
+            if self._count.may_miss:
                 reason = (
                     f"{counted}; self-locking gears in motion allow more choices of lines than are "
                     "tried; fewer of them, or curves of fewer points, would decide"

@@ -140,7 +140,8 @@ def _decide_all(ws: Workspace) -> tuple[Verdict, np.ndarray]:
     """
     modes, dry = ws.modes, ws.plan.coordinates.dry
     ways = list(ways_to_hold(ws.problem, modes))
-    modes.at_rest[:], modes.friction[:1] = dry, np.nan
+    modes.at_rest[:] = dry
+    modes.forget()
     stays = not dry.any() or rests(ws.problem, modes, ws.mechanism)
     shown, efforts = modes.friction.copy(), modes.effort.copy()
     if ws.mechanism.balls:

@@ -7,7 +7,7 @@ import weakref
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from math import hypot
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -35,7 +35,7 @@ from pinfric.errors import (
     PinfricError,
     SceneError,
 )
-from pinfric.friction.gears import bind, fit, gear_margins, hold_chosen, is_certain, write_rows
+from pinfric.friction.gears import bind, fit, gear_margins, hold_chosen, one_answer, write_rows
 from pinfric.friction.given_modes import judge, reduce_problem, try_modes
 from pinfric.friction.law import add_load_slopes, evaluate, stick_limits
 from pinfric.friction.minimax import least_violation
@@ -58,6 +58,21 @@ _ROUNDING = 1e-9
 _FASTEST = 1e10
 #: Lines of gears that are tried before the search takes over.
 _LINES = 8
+
+
+class FirstTry(NamedTuple):
+    """What was tried at one state.
+
+    Attributes:
+        solutions: their number, or -1. obeying: how many obey the laws.
+        resting: how many coordinates rest, where modes were free.
+        tried: whether the modes were; not where joints stick that may share their friction.
+    """
+
+    solutions: int
+    obeying: int
+    resting: int
+    tried: bool
 
 
 class Workspace:
@@ -274,9 +289,9 @@ class Workspace:
         """`solve` where something rests, or loads matter."""
         if self._locks:
             self._forget()
-        solutions, obeying, resting = self._run(q, v, effort, applied, FREE)
+        solutions, obeying, resting, _ = self._run(q, v, effort, applied, FREE)
         # one was found; there may be others
-        several = self.modes.figures[0] >= 1.0 or not self.is_sure()
+        several = self.modes.figures[0] >= 1.0 or not self.has_one_answer()
         if obeying == 1 and not several:
             return
         tries = resting or several or self._geared
@@ -305,7 +320,7 @@ class Workspace:
 
     def _forget(self) -> None:
         """Drop the warm start: with several solutions it would decide which one is found."""
-        self.modes.friction[:1] = np.nan
+        self.modes.forget()
         self.modes.load[:] = self.modes.effort[:] = 0.0
 
     def solve_given_modes(
@@ -326,11 +341,11 @@ class Workspace:
         if self.slides(q, v, effort, applied, GIVEN):
             return
         turned = TURNED if self.mechanism.balls and fixed.balls_turn else GIVEN
-        solutions, obeying, resting = self._run(q, v, effort, applied, turned)
-        if obeying == 1 and resting >= 0 and self.is_sure():
+        solutions, obeying, _, tried = self._run(q, v, effort, applied, turned)
+        if obeying == 1 and tried and self.has_one_answer():
             return
         outcome = self.count.of_one_mode(solutions, obeying)
-        if resting < 0 or self._geared:
+        if not tried or self._geared:
             outcome = solve_given(self.problem, self.modes, self.mechanism, self.count)
             if outcome == SearchOutcome.SOLVED:
                 self.finish()
@@ -354,8 +369,8 @@ class Workspace:
         applied: list[AppliedWrench] | None,
         choice: int,
         step: float = 0.0,
-    ) -> tuple[int, int, int]:
-        """(solutions, how many obey, how many rest); -1 rest: modes were given and not tried."""
+    ) -> FirstTry:
+        """Write the problem, and try modes of a choice; see `instant.solve_instant`."""
         self._kept, self.state = None, (q, v, effort, applied, step)
         if self.forces is not None:
             self.a, self.wrench = self.machine.results.a, self.machine.results.wrench
@@ -366,11 +381,11 @@ class Workspace:
             self.argument, q, v, effort, step, choice
         )
         if refused == 0 and choice != UNSOLVED:
-            return solutions, obeying, resting
+            return FirstTry(solutions, obeying, resting, True)
         if refused not in (0, NOT_TRIED):
             self.failures.refuse(refused, self.state)
         self.mechanism.factor = self.machine.maps.factor[: self.machine.maps.freedoms[0]]
-        return solutions, obeying, resting if choice == FREE else -1
+        return FirstTry(solutions, obeying, resting, False)
 
     def assemble(
         self,
@@ -400,9 +415,9 @@ class Workspace:
             self._leave_dead_centres()
         return outcome
 
-    def is_sure(self) -> bool:
+    def has_one_answer(self) -> bool:
         """Whether there is one answer in the present modes, on whatever lines of gears."""
-        return not self._locks or is_certain(self.problem, self.modes)
+        return not self._locks or one_answer(self.problem, self.modes)
 
     def _leave_dead_centres(self) -> None:
         """Let joints that rest at their dead centre slip in the direction of the mechanism.

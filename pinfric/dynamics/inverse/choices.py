@@ -20,7 +20,7 @@ from pinfric.model.laws import Laws, is_dry, law_at
 SLIDES, LOWER, UPPER, NONE = range(4)
 
 
-class Choices(NamedTuple):
+class SiteLaws(NamedTuple):
     """The friction of each site for each code, x = -way (mu load + coulomb).
 
     Attributes:
@@ -43,11 +43,11 @@ class Choices(NamedTuple):
     constant: np.ndarray = array("n ns")
 
 
-def friction_laws(plan: Plan, samples: LinkedSamples) -> Choices:
+def friction_laws(plan: Plan, samples: LinkedSamples) -> SiteLaws:
     """Return the possible frictions of each site (`laws`; paper eq. 20, 21)."""
     velocity, at_rest = samples.velocity, samples.reversal
     n, ns = at_rest.shape
-    law: Choices = make(Choices, n=n, ns=ns, ne=len(plan.entries.velocity_index))
+    law: SiteLaws = make(SiteLaws, n=n, ns=ns, ne=len(plan.entries.velocity_index))
     law.constant[:] = plan.sites.constant
     for t in np.flatnonzero(~plan.sites.varies[plan.contacts.site]):
         law.constant[:, plan.contacts.site[t]] += np.linalg.norm(samples.contact[:, t, 0], axis=1)
@@ -63,7 +63,7 @@ def _write_choices(
     ball: np.ndarray,
     velocity: np.ndarray,
     at_rest: np.ndarray,
-    law: Choices,
+    law: SiteLaws,
 ) -> None:
     """Write `friction_laws` without the loads."""
     for i in range(at_rest.shape[0]):
@@ -95,7 +95,7 @@ def _write_choices(
 
 
 @kernel
-def _is_within(law: Choices, i: int, s: int) -> bool:
+def _is_within(law: SiteLaws, i: int, s: int) -> bool:
     """Whether a ball's sliding friction is within its static limit, whatever the load."""
     return law.mu[SLIDES, i, s] <= law.mu[UPPER, i, s] and (
         law.coulomb[SLIDES, i, s] <= law.coulomb[UPPER, i, s]

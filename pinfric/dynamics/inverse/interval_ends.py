@@ -19,7 +19,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pinfric.dynamics.inverse.choices import LOWER, NONE, SLIDES, UPPER, Choices, friction_laws
+from pinfric.dynamics.inverse.choices import LOWER, NONE, SLIDES, UPPER, SiteLaws, friction_laws
 from pinfric.dynamics.inverse.effort_maps import LinkedSamples
 from pinfric.dynamics.inverse.sign_bounds import Limits, Slopes, bound_slopes
 from pinfric.dynamics.problem.plan import Plan
@@ -83,7 +83,7 @@ class Ends(NamedTuple):
     ends: np.ndarray = array("n na 2 ne", fill=np.nan)
 
 
-class Island(NamedTuple):
+class SiteIsland(NamedTuple):
     """Sites whose friction depends on each other, and on no other site's.
 
     Attributes:
@@ -102,14 +102,14 @@ class Island(NamedTuple):
     last: np.ndarray
 
 
-class Choice(NamedTuple):
+class Corner(NamedTuple):
     """One choice of an island's frictions at one sample, and its solutions.
 
     Attributes:
         contact, effort: (nt, 1 + ne, 3), (na, ne) of the sample.
         along: (nt, 1 + ns, 3) `contact` by the friction along each direction.
-        options, code, constant: (ns,) see `Choices`.
-        last: (ns,) bool, see `Island`; while ends are searched none is.
+        options, code, constant: (ns,) see `SiteLaws`.
+        last: (ns,) bool, see `SiteIsland`; while ends are searched none is.
         direction: (ne,) along which friction acts.
         way, mu, coulomb: (ns,), (ns,), (ns, 2) of the choice; way 0 where a site is last.
         x: (MOST_SOLUTIONS, ns) friction of each site along its direction, of each solution.
@@ -144,17 +144,17 @@ class Choice(NamedTuple):
     most: np.ndarray = array("4", np.int64)
 
 
-class Search(NamedTuple):
+class EndTables(NamedTuple):
     """A batch, one of its islands, and the results; see their classes."""
 
     samples: LinkedSamples
-    law: Choices
+    law: SiteLaws
     answer: Ends
-    island: Island
-    choice: Choice
+    island: SiteIsland
+    choice: Corner
 
 
-for _part in (LinkedSamples, Choices, Ends, Island, Choice, Search):
+for _part in (LinkedSamples, SiteLaws, Ends, SiteIsland, Corner, EndTables):
     record(_part)
 
 
@@ -166,7 +166,7 @@ def find_ends(plan: Plan, samples: LinkedSamples) -> Ends:
     answer.lower[:] = answer.upper[:] = samples.effort[:, :, 0]
     kept = [KernelArgument(table) for table in (samples, law, answer)]
     for island in islands(plan, samples.contact):
-        tables = Search(samples, law, answer, island, choice_of(island, na))
+        tables = EndTables(samples, law, answer, island, choice_of(island, na))
         search = KernelArgument(tables, *kept)
         resting = (law.options[:, island.site[~island.last]] > 1).any(axis=0).sum()
         long = resting > _INTERPRETED
@@ -179,7 +179,7 @@ def find_ends(plan: Plan, samples: LinkedSamples) -> Ends:
     return answer
 
 
-def islands(plan: Plan, contact: np.ndarray) -> Iterator[Island]:
+def islands(plan: Plan, contact: np.ndarray) -> Iterator[SiteIsland]:
     """Yield the islands of a batch with `contact`; small ones together, which saves time."""
     sites, contacts, entries = plan.sites, plan.contacts, plan.entries
     linked = np.zeros((len(sites.joint),) * 2, dtype=bool)
@@ -197,8 +197,8 @@ def islands(plan: Plan, contact: np.ndarray) -> Iterator[Island]:
         yield island_of(plan, together, last)
 
 
-def island_of(plan: Plan, site: np.ndarray, last: np.ndarray) -> Island:
-    """Return the island of some sites; `last` (all sites,) as in `Island`."""
+def island_of(plan: Plan, site: np.ndarray, last: np.ndarray) -> SiteIsland:
+    """Return the island of some sites; `last` (all sites,) as in `SiteIsland`."""
     place = np.full(len(plan.sites.joint), -1)
     place[site] = np.arange(len(site))
     entry = np.flatnonzero(place[plan.entries.site] >= 0)
@@ -206,22 +206,22 @@ def island_of(plan: Plan, site: np.ndarray, last: np.ndarray) -> Island:
     row = np.flatnonzero((place[owner] >= 0) & plan.sites.varies[owner])
     ball = plan.sites.entry_count[site] == 3
     of, owner = place[plan.entries.site[entry]], place[owner[row]]
-    return Island(site, entry, row, of, owner, ball, last[site])
+    return SiteIsland(site, entry, row, of, owner, ball, last[site])
 
 
-def choice_of(island: Island, na: int) -> Choice:
+def choice_of(island: SiteIsland, na: int) -> Corner:
     """Make the arrays of an island for na drives."""
     ns, ne, nt = map(len, island[:3])
     sizes = {"ns": ns, "ne": ne, "nt": nt, "na": na, "columns": 1 + ne, "places": 1 + ns}
-    choice: Choice = make(Choice, **sizes, solutions=MOST_SOLUTIONS)
+    choice: Corner = make(Corner, **sizes, solutions=MOST_SOLUTIONS)
     choice.last[:] = island.last
     choice.most[:] = ENUMERATED, ENUMERATED_BALLS, NODES, MOST_PASSES
     return choice
 
 
 def choice_of_sample(
-    plan: Plan, samples: LinkedSamples, law: Choices, code: np.ndarray
-) -> tuple[Search, int, Reduced]:
+    plan: Plan, samples: LinkedSamples, law: SiteLaws, code: np.ndarray
+) -> tuple[EndTables, int, Reduced]:
     """Solve one choice (all sites,) of the only sample, without islands.
 
     Returns:
@@ -230,7 +230,7 @@ def choice_of_sample(
     ns, (_, na, columns) = len(code), samples.effort.shape
     island = island_of(plan, np.arange(ns), np.zeros(ns, dtype=bool))
     answer: Ends = make(Ends, n=1, na=na, ns=ns, ne=columns - 1)
-    tables = Search(samples, law, answer, island, choice_of(island, na))
+    tables = EndTables(samples, law, answer, island, choice_of(island, na))
     search, choice = KernelArgument(tables).beside(samples.contact), tables.choice
     begin(search, 0)
     choice.code[:] = code
@@ -252,7 +252,7 @@ def _count(is_ball: bool, options: int) -> int:
 
 
 @kernel
-def solve_samples(search: Search) -> None:
+def solve_samples(search: EndTables) -> None:
     """Add what one island does to the efforts of every sample."""
     island, choice, answer = search.island, search.choice, search.answer
     last, ends = choice.last, choice.ends
@@ -290,7 +290,7 @@ def solve_samples(search: Search) -> None:
 
 
 @kernel
-def begin(search: Search, i: int) -> None:
+def begin(search: EndTables, i: int) -> None:
     """Copy one sample, with the friction that wrenches are given for, into the choice."""
     samples, law, island, choice = search.samples, search.law, search.island, search.choice
     site, entry, row, constant = island.site, island.entry, island.row, choice.constant
@@ -314,7 +314,7 @@ def begin(search: Search, i: int) -> None:
 
 
 @kernel
-def _direct(search: Search, i: int) -> None:
+def _direct(search: EndTables, i: int) -> None:
     """Write `along`, and the contraction of all choices (`given_modes.contraction_matrix`)."""
     law, island, choice, of = search.law, search.island, search.choice, search.island.of
     contact, source, direction = choice.along, choice.contact, choice.direction
@@ -336,7 +336,7 @@ def _direct(search: Search, i: int) -> None:
 
 
 @kernel
-def solve_choice(search: Search, i: int) -> int:
+def solve_choice(search: EndTables, i: int) -> int:
     """Solve a choice from the last solution; return the number of solutions, -1: undecided."""
     law, choice, site, answer = search.law, search.choice, search.island.site, search.answer
     code, last, way, mu, coulomb = choice.code, choice.last, choice.way, choice.mu, choice.coulomb
@@ -365,7 +365,7 @@ def solve_choice(search: Search, i: int) -> int:
     return solutions
 
 
-def problem_of(search: Search) -> Problem:
+def problem_of(search: EndTables) -> Problem:
     """Return a choice for `given_modes`; sites are coordinates."""
     choice, ns = search.choice, search.choice.code.size
     none, dry = np.zeros(ns), choice.coulomb
@@ -393,7 +393,7 @@ _problem_within = inlined_kernel(problem_of)
 
 
 @kernel
-def _descend(search: Search) -> bool:
+def _descend(search: EndTables) -> bool:
     """Solve a choice by Newton's method alone, if it contracts; else False."""
     choice, owner, x, load = (
         search.choice,
@@ -435,7 +435,7 @@ def _descend(search: Search) -> bool:
 
 
 @kernel
-def _complete(search: Search, i: int, solution: int) -> None:
+def _complete(search: EndTables, i: int, solution: int) -> None:
     """Write loads and friction of one solution, with the limits of what is last."""
     law, island, choice = search.law, search.island, search.choice
     x, load, code, phi = choice.x[solution], choice.load, choice.code, choice.phi
@@ -461,7 +461,7 @@ def _complete(search: Search, i: int, solution: int) -> None:
 
 
 @inlined_kernel
-def _has_failed(search: Search, i: int) -> bool:
+def _has_failed(search: EndTables, i: int) -> bool:
     """Return whether a sample has no ends, or took too many passes."""
     answer, status = search.answer, search.answer.status
     if answer.iterations[i] > search.choice.most[3] and status[i] != Status.JAMMED:
@@ -470,7 +470,7 @@ def _has_failed(search: Search, i: int) -> bool:
 
 
 @inlined_kernel
-def _note(search: Search, i: int, solutions: int) -> None:
+def _note(search: EndTables, i: int, solutions: int) -> None:
     """Let the number of solutions worsen a sample's status."""
     if solutions < 1:
         search.answer.status[i] = Status.JAMMED if solutions == 0 else Status.NOT_CONVERGED
@@ -479,7 +479,7 @@ def _note(search: Search, i: int, solutions: int) -> None:
 
 
 @kernel
-def _evaluate(search: Search, i: int, drive: int, side: int) -> float:
+def _evaluate(search: EndTables, i: int, drive: int, side: int) -> float:
     """Solve a choice of sample i and let its solutions widen the ends.
 
     Args:
@@ -512,7 +512,7 @@ def _evaluate(search: Search, i: int, drive: int, side: int) -> float:
 
 
 @kernel
-def _widen(search: Search, i: int, solution: int, drive: int, side: int) -> float:
+def _widen(search: EndTables, i: int, solution: int, drive: int, side: int) -> float:
     """Let a solution widen the ends; return its contribution as `_evaluate` does."""
     island, choice, answer, best = search.island, search.choice, search.answer, -np.inf
     effort, phi, ends, limit, of = choice.effort, choice.phi, choice.ends, choice.limit, island.of
@@ -542,7 +542,7 @@ def _widen(search: Search, i: int, solution: int, drive: int, side: int) -> floa
 
 
 @kernel
-def _turn(search: Search, i: int, drive: int, side: int) -> bool:
+def _turn(search: EndTables, i: int, drive: int, side: int) -> bool:
     """Turn the friction of balls at their limit to where it changes an effort most; did it turn?
 
     With x = gain load(phi) and phi = D x, a small change delta of phi changes the effort by
@@ -589,7 +589,7 @@ def _turn(search: Search, i: int, drive: int, side: int) -> bool:
 
 
 @kernel
-def _enumerate(search: Search, i: int) -> bool:
+def _enumerate(search: EndTables, i: int) -> bool:
     """Solve all combinations of limits; False: too many, or many where each may be ambiguous."""
     island, choice, most = search.island, search.choice, search.choice.most
     (na, ns), balls, corners = (choice.effort.shape[0], choice.code.size), False, 1.0
@@ -623,7 +623,7 @@ def _enumerate(search: Search, i: int) -> bool:
 
 
 @kernel
-def _branch(search: Search, i: int) -> bool:
+def _branch(search: EndTables, i: int) -> bool:
     """Find the ends by branch and bound; False: it gives up.
 
     A node has some sites at a limit and the others anywhere between, in its guess at the limits
@@ -673,7 +673,7 @@ def _branch(search: Search, i: int) -> bool:
 
 
 @kernel
-def _guess(search: Search, i: int, node: np.ndarray, U: np.ndarray, gains: np.ndarray) -> bool:
+def _guess(search: EndTables, i: int, node: np.ndarray, U: np.ndarray, gains: np.ndarray) -> bool:
     """Guess the limits of a node (ns,) where U times the friction is greatest.
 
     Args:
@@ -704,8 +704,8 @@ def _guess(search: Search, i: int, node: np.ndarray, U: np.ndarray, gains: np.nd
 
 
 @kernel
-def _flip(search: Search, i: int, drive: int, side: int) -> None:
-    """Search an end by switching one site at a time, while that helps."""
+def _flip(search: EndTables, i: int, drive: int, side: int) -> None:
+    """EndTables an end by switching one site at a time, while that helps."""
     island, choice, sign = search.island, search.choice, 2.0 * side - 1.0
     ball, options, code = island.ball, choice.options, choice.code
     for e in range(island.of.size):  # from where it is if no load depends on friction

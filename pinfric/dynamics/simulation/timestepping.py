@@ -64,7 +64,7 @@ def step_through(
         middle = pin.integrate(model, q, 0.5 * dt * v)
         system.assemble(t + 0.5 * dt, middle, v, dt)
         rates, rests = ws.constraints.rates(middle, v), ws.plan.coordinates.dry
-        if not ws.is_sure():
+        if not ws.has_one_answer():
             before, rests = _at_instant(system, t, dt, (middle, v), rates)
         build_up.add(ws, dt)
         outcome = _solve_step(ws, rates, before, rests)
