@@ -153,7 +153,7 @@ def entry_point(kernel: Any, *arguments: Any) -> Callable[..., Any]:
 
     A call takes 0.5 us, and 2 us with numba's look at five arguments.
     """
-    types_ = tuple(typeof(argument) for argument in arguments)
+    types_ = tuple(map(records.type_of, arguments))
     return cast("Callable[..., Any]", kernel.compile(types_))
 
 

@@ -195,7 +195,7 @@ _KINDS: dict[type, Any] = {}
 
 def record_type(values: Any) -> RecordType:
     """Return the type of a NamedTuple's record."""
-    return _interned(type(values), tuple(map(_type_of, values)))
+    return _interned(type(values), tuple(map(type_of, values)))
 
 
 def boxed(values: Fields, known: Mapping[int, Any] | None = None) -> Fields:
@@ -213,10 +213,10 @@ def boxed(values: Fields, known: Mapping[int, Any] | None = None) -> Fields:
         else entry
         for entry in values
     ]
-    return cast("Fields", Record(_interned(type(values), tuple(map(_type_of, parts))), parts))
+    return cast("Fields", Record(_interned(type(values), tuple(map(type_of, parts))), parts))
 
 
-def _type_of(entry: Any) -> Any:
+def type_of(entry: Any) -> Any:
     """Return the type of a field; numba's own look at an array takes 30 us."""
     if isinstance(entry, np.ndarray):
         seen = entry.dtype, entry.ndim, entry.flags.num
@@ -225,17 +225,27 @@ def _type_of(entry: Any) -> Any:
         return _ARRAYS[seen]
     if isinstance(entry, Record):
         return entry._numba_type_
+    if isinstance(entry, tuple) and type(entry) not in _KINDS:
+        parts = tuple(map(type_of, entry))
+        made = type(entry), *map(id, parts)
+        if made not in _TUPLES:
+            _TUPLES[made] = types.unliteral(typeof(entry)), parts
+        return _TUPLES[made][0]
     return record_type(entry) if type(entry) in _KINDS else types.unliteral(typeof(entry))
 
 
 def _interned(of: Any, kinds: tuple[Any, ...]) -> RecordType:
     """Return the type of a class's record with fields of these types, made once: it is hashed."""
-    if (of, kinds) not in _TYPES:
-        _TYPES[of, kinds] = _KINDS[of](dict(zip(of._fields, kinds, strict=True)))
-    return _TYPES[of, kinds]
+    made = of, *map(id, kinds)
+    if made not in _TYPES:
+        _TYPES[made] = _KINDS[of](dict(zip(of._fields, kinds, strict=True))), kinds
+    return _TYPES[made][0]
 
 
-#: Class, types of its fields -> type of its record.
-_TYPES: dict[tuple[type, tuple[Any, ...]], RecordType] = {}
+#: Class, ids of the types of its fields, which numba has once -> type of its record, these types.
+#: Hashing them takes longer than all else, and while they are held no other has their ids.
+_TYPES: dict[tuple[Any, ...], tuple[RecordType, tuple[Any, ...]]] = {}
+#: The same of other tuples: class, ids of the parts' types -> type of the tuple, these types.
+_TUPLES: dict[tuple[Any, ...], tuple[Any, tuple[Any, ...]]] = {}
 #: Items, dimensions and flags of an array -> its type.
 _ARRAYS: dict[tuple[Any, int, int], Any] = {}

@@ -437,8 +437,12 @@ class Scene:
         }
         variant = object.__new__(type(self))
         variant.__dict__.update(self.__dict__ | changed)
-        for found in ("findings", "quick_findings", "_gears", "ways", "without_presliding"):
+        for found in ("findings", "quick_findings", "ways", "without_presliding"):
             variant.__dict__.pop(found, None)
+        if "_gears" in variant.__dict__:  # of friction they have the stick velocities alone
+            stick = np.array([variant.stick_velocity_of(drive) for drive in self.drives])
+            both = tuple(gears._replace(stick_velocity=stick) for gears in self._gears)
+            variant.__dict__["_gears"] = both
         return variant
 
     def solver(self, attached: Iterable[str] | None = None) -> Solver:
