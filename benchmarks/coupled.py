@@ -25,7 +25,7 @@ from rich.console import Console
 import pinfric as pf
 from pinfric.accuracy.explain import all_rounds
 from pinfric.dynamics.inverse.choices import SLIDES, friction_laws
-from pinfric.dynamics.inverse.interval_ends import Search, choice_of_sample
+from pinfric.dynamics.inverse.interval_ends import EndTables, choice_of_sample
 from pinfric.dynamics.inverse.result import InverseResult
 from pinfric.dynamics.inverse.solutions import one_sample
 from pinfric.friction.dense import solve_dense
@@ -92,7 +92,7 @@ class _Sample:
     """One sliding sample: when, the package's solver with mu times a factor, and G."""
 
     t: float
-    solver: Callable[[float], tuple[Search, int, Reduced]]
+    solver: Callable[[float], tuple[EndTables, int, Reduced]]
     friction: CoupledFriction
 
     @classmethod
@@ -104,7 +104,7 @@ class _Sample:
         law = friction_laws(plan, samples)
         ns = len(plan.sites.joint)
 
-        def solver(factor: float) -> tuple[Search, int, Reduced]:
+        def solver(factor: float) -> tuple[EndTables, int, Reduced]:
             scaled = law._replace(mu=factor * law.mu)
             return choice_of_sample(plan, samples, scaled, law.code[0])
 

@@ -28,7 +28,7 @@ import numpy as np
 from pinfric.errors import PinfricError
 from pinfric.exporting.cpp import body_rows
 from pinfric.exporting.tree import check_plain_tree
-from pinfric.model.scene import Scene
+from pinfric.model.scene import Scene, expect_scene
 
 #: Keys of each model, the simplest first.
 MODELS: dict[str, tuple[str, ...]] = {"m1": ("friction_base", "friction_viscous")}
@@ -97,6 +97,7 @@ def actuator_law(scene: Scene, file: Any, numpy: Any = np) -> Law:
     Raises:
         PinfricError: a file that cannot be read or is of another robot.
     """
+    expect_scene(scene, "actuator_law")
     rows = read_actuators(file)
     index = {column.name: column.index_v for column in check_plain_tree(scene)}
     if [*rows] != [*index]:

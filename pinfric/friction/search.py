@@ -340,14 +340,18 @@ def _search_resting(query: _Query, forced: Ways, held: np.ndarray | None) -> Sea
     if not rests.any():
         query.count.tried += 1
         return query.end(*query.solve())
-    # 1. all stick
+    open_chain = not (mechanism.closed or mechanism.ball.any())
+    in_tree = open_chain and rests.sum() > _FEW and not (modes.stuck & ~rests).any()
+    # 1. all stick; where that does not last, or in several ways, it is one answer of step 3
     first = None if forced else query.rest()
-    if first is not None and first[1]:
-        return query.end(*first)
+    stays = first is not None and first[1] > 0
+    if first is not None and stays:
+        lasts = first[1] == 1 and all(answer.stable for answer in query.answers)
+        if lasts or in_tree or len(mechanism.joints(rests)) > MOST_ENUMERATED:
+            return query.end(*first)
     unsolved = first is not None and first[0] < 0
     # 2. what follows from there, and open chains
-    open_chain = not (mechanism.closed or mechanism.ball.any())
-    if open_chain and rests.sum() > _FEW and not (modes.stuck & ~rests).any():
+    if in_tree:
         outcome = _in_tree(query, forced, held, first)
         if outcome is not None:
             return SearchOutcome.NOT_CONVERGED if unsolved and outcome in _NOTHING else outcome
@@ -356,7 +360,7 @@ def _search_resting(query: _Query, forced: Ways, held: np.ndarray | None) -> Sea
         return _pivot(query, forced, first)
     # 3. the others, those with few slipping joints first
     possible = PossibleWays(query.problem, mechanism, rests.copy())
-    levels = possible.levels(forced, fewest=int(not forced))
+    levels = possible.levels(forced, fewest=int(not forced and not stays))
     plain = not (mechanism.ball.any() or mechanism.idle.any())
     if mechanism.closed and plain and not (modes.stuck & ~rests).any():
         tree = Tree(query.problem, rests.copy(), modes.direction)

@@ -27,6 +27,7 @@ retime(name, "three_link")
 sweep(name, "three_link", "a.yaml")
 identify(name, ["a.csv"])
 export(name)
+actuator_law(name, {})
 mujoco_friction(name, None)
 replay(name, "three_link")
 """
