@@ -29,8 +29,9 @@ from pinfric.errors import SceneError, StateError
 from pinfric.model.arrays import real_numbers
 from pinfric.model.laws import is_dry, law_at
 
-#: A sum below this part of its terms is 0; Newton's passes, and halvings of one.
-_BALANCED, _PASSES, _HALVINGS = 1e-12, 200, 40
+#: A sum below these parts of its terms is 0, after one more pass and as it is; Newton's passes, and
+#: halvings of one.
+_BALANCED, _EXACT, _PASSES, _HALVINGS = 1e-12, 1e-15, 200, 40
 External = Mapping[str, np.ndarray] | None
 
 
@@ -240,20 +241,21 @@ class Smoothed:
         y = v if dt else np.zeros(nv)
         value, of, slope = equations(y)
         terms = float(np.abs(target).max(initial=0.0) + np.abs(value).max(initial=0.0)) + 1e-300
+        size = float(np.linalg.norm(value))
         for _ in range(_PASSES):
-            size, step = float(np.linalg.norm(value)), -self._divide(value, slope, dt)
-            for _ in range(_HALVINGS):
+            last, step = size <= _BALANCED * terms, -self._divide(value, slope, dt)
+            for _ in range(1 if last else _HALVINGS):
                 ahead, of, slope = equations(y + step)
-                if np.linalg.norm(ahead) < size:
+                if (near := float(np.linalg.norm(ahead))) < size:
                     break
                 step *= 0.5
             else:
                 value, of, slope = equations(y)
                 break
-            y, value = y + step, ahead
-            if size <= _BALANCED * terms:
+            y, value, size = y + step, ahead, near
+            if last or size <= _EXACT * terms:
                 break
-        if not np.linalg.norm(value) <= 1e-9 * terms:
+        if not size <= 1e-9 * terms:
             raise StateError(
                 f"{scene.source}: Smoothed: no motion found that balances the efforts; take a "
                 "larger width or a smaller dt"
