@@ -61,6 +61,7 @@ from pinfric.identification.laws import (
     Law,
     candidates,
 )
+from pinfric.identification.motor_constant import EffortFactor, effort_factors
 from pinfric.identification.normal import (
     BlockProducts,
     Fit,
@@ -85,6 +86,8 @@ from pinfric.model.scene import Scene
 _LEAST_SHARE, _MOST_LOSS = 0.15, 0.5
 #: Standard errors from which a loss shows although friction is larger than the load.
 _CLEARLY = 4.0
+#: Standard error below which a factor on an effort is told: then nobody is asked about it.
+_TOLD = 0.1
 #: Blocks in which something slides: those of the shortest log.
 _FEWEST_BLOCKS = 4
 #: A model that leaves a larger share of what a joint's mean effort alone leaves explains nothing:
@@ -184,6 +187,11 @@ class Estimate:
             j for j, own in enumerate(self.rows) if own.effort.size and j not in self.unexplained
         )
 
+    def effort_factors(self) -> tuple[EffortFactor, ...]:
+        """Return the factors on joints' efforts that a known payload shows."""
+        weights = [w * own for w, own in zip(self.problem.weights, self.row_weights, strict=True)]
+        return effort_factors(self.question.scene, self.prepared, self.rows, weights)
+
 
 def estimate(question: Question, progress: Callable[[int, int], object]) -> Estimate:
     """Return delay, laws, inertias and coefficients; `progress`: see `identify`.
@@ -215,6 +223,8 @@ def estimate(question: Question, progress: Callable[[int, int], object]) -> Esti
     result = Estimate(question, scene, tuple(prepared), choice)
     del prepared, log  # a long log's columns fill much of the memory
     _fit(result, plain)
+    # of these a person has stated the unit, or a known payload tells it in the end
+    told = {*question.gains, *_told(result)}
     if not question.no_gravity:
         result.gravity = gravity_scales(scene, result.prepared, result.rows)
         if holds_no_gravity(result.gravity):
@@ -222,9 +232,9 @@ def estimate(question: Question, progress: Callable[[int, int], object]) -> Esti
             ahead = after(progress, len(question.recordings))
             return estimate(replace(question, no_gravity=True), ahead)
         if question.keep_inertias:
-            check_gravity(scene, result.gravity, question.gains)
-    check_efforts(scene, result.rows, question.gains)
-    check_limits(scene, result.rows, result.fit, logs, question.gains)
+            check_gravity(scene, result.gravity, told)
+    check_efforts(scene, result.rows, told)
+    check_limits(scene, result.rows, result.fit, logs, told)
     if not question.jumps:
         _find_ways(result)
     if not result.builds_up:
@@ -260,6 +270,11 @@ def estimate(question: Question, progress: Callable[[int, int], object]) -> Esti
             "does: check signs, zeros and units of angles and efforts, and the joint of each column"
         )
     return result
+
+
+def _told(estimate: Estimate) -> list[str]:
+    """Return the joints whose effort's factor a known payload tells well."""
+    return [x.name for x in estimate.effort_factors() if x.standard_error < _TOLD]
 
 
 def after(progress: Callable[[int, int], object], done: int) -> Callable[[int, int], object]:

@@ -19,7 +19,6 @@ from pinfric.identification.files import identified_files
 from pinfric.identification.findings import Findings
 from pinfric.identification.laws import COULOMB, RESTS_ON, STRIBECK_VELOCITY, K, Law
 from pinfric.identification.misfit import misfits
-from pinfric.identification.motor_constant import effort_factors
 from pinfric.identification.normal import Fit, FrictionNormalEquations, residuals
 from pinfric.identification.notes import notes
 from pinfric.identification.parameters import (
@@ -199,7 +198,7 @@ def _identified(estimate: Estimate, unseen: Sequence[Recording], seed: int) -> I
     spread = dict(zip(names, known.spread.tolist(), strict=True))
     coefficients = parameters(estimate, known, static)
     errors = held_out_errors(estimate, better)
-    factors = effort_factors(estimate)
+    factors = estimate.effort_factors()
     said = notes(estimate, bounds, coefficients, static, errors, factors, shapes, known.uneven)
     return Identified(
         scene=better,

@@ -8,14 +8,17 @@ does not, so s_j is its coefficient, if some logs carry the payload and others d
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
-from pinfric.identification.columns import at_rows, passed
-from pinfric.identification.estimate import Estimate
+from pinfric.identification.columns import Prepared, Rows, at_rows, passed
 from pinfric.identification.inertias import urdf_prior
 from pinfric.identification.laws import INERTIA, Law
-from pinfric.model.arrays import FloatArray
+from pinfric.identification.normal import Prior
+from pinfric.model.arrays import BoolArray, FloatArray
 from pinfric.model.described import described, quantity
+from pinfric.model.scene import Scene
 
 #: Its friction: two losses of a gear would be a factor on the load themselves, and a law that was
 #: chosen beside a wrong factor may contain anything. A loss in both directions hardly moves it: of
@@ -46,39 +49,57 @@ class EffortFactor:
         return abs(self.value - 1.0) > _LEAST + _ERRORS * self.standard_error
 
 
-def effort_factors(estimate: Estimate) -> tuple[EffortFactor, ...]:
-    """Return the factor of each joint that a known payload shows; none where logs all carry it."""
-    logs = estimate.prepared
-    carried = np.concatenate([log.recording.trajectory.attached.any(axis=1) for log in logs])
-    if carried.all() or not carried.any():
+def effort_factors(
+    scene: Scene,
+    logs: Sequence[Prepared],
+    rows: Sequence[Rows],
+    weights: Sequence[FloatArray],
+) -> tuple[EffortFactor, ...]:
+    """Return the factor of each joint that a known payload shows; none where logs all carry it.
+
+    Args:
+        scene: with the URDF's links. logs: what `rows` of all joints are of.
+        weights: (n,) of each joint's rows.
+    """
+    whole = np.concatenate([log.recording.trajectory.attached.any(axis=1) for log in logs])
+    if whole.all() or not whole.any():
         return ()
     payloads = [passed(log.payload, log.recording.step)[log.kept] for log in logs]
-    factors = [_factor(estimate, j, at_rows(payloads, logs, j)) for j in estimate.known]
+    links = urdf_prior(scene.model, kept=False)
+    factors = []
+    for j, (name, own) in enumerate(zip(scene.joint_names, rows, strict=True)):
+        loaded = [log.recording.trajectory.attached[log.kept[log.slides[:, j]]] for log in logs]
+        carried = np.concatenate([at.any(axis=1) for at in loaded])
+        payload = at_rows(payloads, logs, j)
+        factors.append(_factor(name, own, weights[j], links, payload, carried))
     return tuple(x for x in factors if x is not None and x.standard_error < _KNOWN)
 
 
-def _factor(estimate: Estimate, j: int, payload: FloatArray) -> EffortFactor | None:
-    """Return a joint's factor. `payload`: (n,) what it takes at the joint's rows, N m or N."""
+def _factor(
+    name: str,
+    rows: Rows,
+    weight: FloatArray,
+    links: Prior,
+    payload: FloatArray,
+    carried: BoolArray,
+) -> EffortFactor | None:
+    """Return a joint's factor, or None where too little is logged with a payload or without.
+
+    Args:
+        rows, weight: of the joint. links: prior of theta.
+        payload, carried: (n,) what it takes at these rows (N m or N), and whether there is one.
+    """
     from scipy.special import stdtrit
 
-    rows = estimate.rows[j]
-    carried = np.concatenate(
-        [
-            log.recording.trajectory.attached[log.kept[log.slides[:, j]]].any(axis=1)
-            for log in estimate.prepared
-        ]
-    )
     if min(np.unique(rows.block[carries]).size for carries in (carried, ~carried)) < _FEWEST:
         return None
     # the rows' efforts are less the payload times 1: what is left of it is the factor less 1
     slots = [INERTIA, *_LAW.slots]
     columns = np.column_stack((rows.rigid, rows.slots[:, slots], payload))
-    links = urdf_prior(estimate.question.scene.model, kept=False)
     prior = np.zeros(columns.shape[1])
     prior[: links.center.size] = 1.0 / (_FREE * np.maximum(links.deviation, 1e-12)) ** 2
     right = np.zeros_like(prior)
     right[: links.center.size] = (prior[: links.center.size]) * links.center
-    weight = estimate.problem.weights[j] * estimate.row_weights[j]
     left = columns.T @ (weight[:, None] * columns) + np.diag(prior)
     size = np.sqrt(np.diag(left)) + 1e-300
     inverse = np.linalg.pinv(left / np.outer(size, size), hermitian=True) / np.outer(size, size)
@@ -91,5 +112,4 @@ def _factor(estimate: Estimate, j: int, payload: FloatArray) -> EffortFactor | N
     error = float(np.sqrt(blocks.size / (blocks.size - 1.0) * (moved @ moved)))
     reach = float(stdtrit(blocks.size - 1, 0.975)) * error
     value = 1.0 + float(found[-1])
-    name = estimate.scene.joint_names[j]
     return EffortFactor(name, value, value - reach, value + reach, error)

@@ -8,8 +8,10 @@ import pytest
 from identify_cases import NAMES, PLAIN, excitation, guess, logged, motor_effort, truth
 
 import pinfric as pf
+from pinfric.errors import IdentificationError
 from pinfric.identification.summary import identify_summary
 
+ELBOW = 2
 BOX = {"link": "tool0", "mass": 4.0, "com": (0.0, 0.0, 0.1), "inertia": (0.02, 0, 0, 0.02, 0, 0.02)}
 
 
@@ -24,10 +26,11 @@ def with_and_without():
     return logs
 
 
-def identified(factors):
-    scene = guess(80).with_(payloads={"box": BOX | {"attached": False}})
+def identified(factors, robot=None, **more):
+    scene = (robot or guess(80)).with_(payloads={"box": BOX | {"attached": False}})
     logs = [replace(one, effort=one.effort * factors) for one in with_and_without()]
-    return pf.identify(scene, logs, laws=PLAIN, payloads={"empty": "none", "loaded": "box"})
+    payloads = {"empty": "none", "loaded": "box"}
+    return pf.identify(scene, logs, laws=PLAIN, payloads=payloads, **more)
 
 
 @pytest.mark.slow
@@ -53,3 +56,18 @@ def test_where_all_logs_carry_it_nothing_is_said():
     scene = guess(80).with_(payloads={"box": BOX | {"attached": False}})
     found = pf.identify(scene, with_and_without()[1], laws=PLAIN, payloads={"loaded": "box"})
     assert found.effort_factors == ()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("factor", "inertia"), [(1.5, "keep"), (2.5, "consistent"), (0.4, "keep")])
+def test_what_was_refused_without_a_payload_is_a_factor_with_one(factor, inertia):
+    """Of kept masses the weight, of free ones a slope: neither is asked where the payload tells."""
+    given = np.array([factor if j == ELBOW else 1.0 for j in range(6)])
+    alone = replace(with_and_without()[0], effort=with_and_without()[0].effort * given)
+    with pytest.raises(IdentificationError, match=f"{NAMES[ELBOW]}: its effort"):
+        pf.identify(truth(), alone, laws=PLAIN, inertia=inertia)
+    found = identified(given, truth(), inertia=inertia)
+    (elbow,) = (x for x in found.effort_factors if x.name == NAMES[ELBOW])
+    assert elbow.low < factor < elbow.high < 1.1 * elbow.low
+    (said,) = (line for line in found.doubts if "by the known payload" in line)
+    assert f"{NAMES[ELBOW]} {elbow.value:.3g} [{elbow.low:.3g}, {elbow.high:.3g}]" in said
