@@ -145,7 +145,7 @@ def test_uses_public_names_only(file):
 def test_pictures_are_small_and_shown():
     files = sorted((FOLDER / "pictures").glob("*.png"))
     assert [p.stem for p in files] == ["efforts", "replay", "work_precision"]
-    pages = [ROOT / "README.md", *FOLDER.glob("guide/*.md")]
+    pages = [ROOT / "README.md", FOLDER / "evidence.md", *FOLDER.glob("guide/*.md")]
     text = "".join(page.read_text(encoding="utf-8") for page in pages)
     for picture in files:
         assert picture.stat().st_size < 150_000
