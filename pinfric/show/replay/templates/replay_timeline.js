@@ -81,7 +81,7 @@ function draw_ticks() {
   const [c, w, h] = sized(ticks.querySelector("canvas"));
   const span = t1 - t0;
   if (!(span > 0)) return;
-  const rough = span / Math.max(w / 90, 1), power = 10 ** Math.floor(Math.log10(rough));
+  const rough = span / Math.max(w / 60, 2), power = 10 ** Math.floor(Math.log10(rough));
   const step = [1, 2, 5, 10].map((m) => m * power).find((m) => m >= rough);
   c.fillStyle = "#66717e";
   c.font = "10.5px system-ui, sans-serif";
