@@ -43,8 +43,6 @@ _FEW = 2
 #: Passes of all solves of a search, about a second once compiled. A solve takes one pass in an open
 #: chain, three in a mechanism, more where friction is shared; on lines of gears a tenth of these.
 MOST_PASSES, _ON_LINES = 8_000, 0.1
-#: Passes in the modes that a tree leaves; then pivoting is tried.
-_IN_TREE = 5_000
 #: Accelerations closer than this, relative to their size, are the same one.
 _SAME = 1e-6
 #: Outcomes of a search that found no answer.
@@ -104,6 +102,7 @@ class _Query:
 
     Attributes:
         several: whether all solutions of given modes are wanted, where there may be several.
+        judged: whether of these only those that obey the laws are.
         answers: those in the modes solved last, if gears may have several; else empty.
         passes: that remain.
         may_miss: whether the search for all solutions of some modes reached its limit.
@@ -115,6 +114,7 @@ class _Query:
     mechanism: Mechanism
     count: SearchStatistics
     several: bool = False
+    judged: bool = False
     answers: list[Answer] = field(default_factory=list)
     passes: float = field(default_factory=lambda: MOST_PASSES)
     may_miss: bool = False
@@ -200,12 +200,14 @@ class _Query:
     def _all(self, counts: tuple[int, int]) -> tuple[int, int]:
         """Look for solutions that Newton's method has missed; see `solve`."""
         modes, problem = self.modes, self.problem
-        kept = modes.copy()
+        before = modes.copy()
+        kept = before
         lines, rows = lines_and_rows(problem, modes)
-        frictions = find_all(problem, modes.stuck, modes.direction, rows)
+        obey = modes.at_rest & ~self.mechanism.ball if self.judged else None
+        frictions = find_all(problem, modes.stuck, modes.direction, rows, obey)
         self.passes -= frictions.parts
         self.may_miss |= frictions.complete is False
-        if len(frictions.solutions) <= counts[0]:
+        if len(frictions.solutions) <= counts[obey is not None]:
             return counts
         obeying = 0
         for x in frictions.solutions:
@@ -216,7 +218,10 @@ class _Query:
                 obeying += 1
                 kept = modes.copy()
         modes.take(kept)
-        return len(frictions.solutions), obeying
+        if obey is not None and obeying <= counts[1]:
+            modes.take(before)
+            return counts
+        return max(len(frictions.solutions), counts[0]), obeying
 
 
 def search(
@@ -388,7 +393,6 @@ def _in_tree(
     tree = Tree(query.problem, query.modes.at_rest.copy(), query.modes.direction)
     if not tree.ends:
         return None
-    query.passes = min(_IN_TREE, MOST_PASSES)
     levels = ([ways for ways in level if ways] for level in tree.levels(forced))
     outcome = _enumerate(query, levels, forced, held)
     if tree.complete and outcome != SearchOutcome.UNDECIDED:
@@ -411,7 +415,7 @@ def _pivot(query: _Query, forced: Ways, first: tuple[int, int] | None = None) ->
     The answer is the one with the fewest slipping joints if none breaks away beside `forced`.
     `first`: see `_follow`.
     """
-    modes = query.modes
+    modes, query.judged = query.modes, False
     if first is None:
         _stick(modes, query.mechanism, forced)
     outcome = _follow(query, set(forced), first)
@@ -453,7 +457,7 @@ def _enumerate(
     Where all answers of these are unstable, more may slip.
     """
     status, unstable = SearchOutcome.NONE, list[Answer]()
-    modes = query.modes
+    modes, query.judged = query.modes, True
     for level in levels:
         consistent = list[Answer]()
         for ways in level:

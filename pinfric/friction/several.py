@@ -18,7 +18,9 @@ import numpy as np
 
 from pinfric.friction.dense import largest
 from pinfric.friction.given_modes import Reduced, keep, newton, reduce_problem
+from pinfric.friction.law import stick_limits
 from pinfric.friction.problem import Problem
+from pinfric.friction.tree import write_box
 from pinfric.kernels.compiled import kernel
 
 #: Up to so many frictions that follow loads all solutions are found; most simplices to look at.
@@ -33,6 +35,8 @@ _STARTS, _RESIDUAL = 200, 1e-12
 _SCALES = 10.0 ** np.random.default_rng(0).uniform(-4.0, 5.0, size=16 * _STARTS)
 #: What rounding leaves of zero; what Newton's method must reach; its passes.
 _ROUNDING, _FOUND, _PASSES = 1e-12, 1e-13, 40
+#: By more than this share of the terms a law is broken.
+_UNJUST = 1e-8
 #: Error of tau, as a share of it, up to which a solution counts.
 _KNOWN = 0.5
 
@@ -52,17 +56,26 @@ class Frictions(NamedTuple):
 
 
 def find_all(
-    problem: Problem, stuck: np.ndarray, direction: np.ndarray, rows: np.ndarray
+    problem: Problem,
+    stuck: np.ndarray,
+    direction: np.ndarray,
+    rows: np.ndarray,
+    obey: np.ndarray | None = None,
 ) -> Frictions:
     """Return all frictions that fit given modes, of up to `MOST_COUPLED` that follow loads.
 
     Args:
         stuck, direction: (nc,) the modes. rows: (nc, 3), `gears.write_rows`.
+        obey: (nc,) bool, coordinates that have to obey their laws, too: frictions by which one of
+            them does not may be missing.
     """
     nz, reduced = reduce_problem(problem, stuck, direction, rows)
     if not 0 < nz <= MOST_COUPLED:
         return Frictions([], 0, None)
-    roots, parts, complete = _Rays(reduced).search()
+    rays = _Rays(reduced)
+    if obey is not None:
+        rays.laws = _Laws(problem, stuck, direction, obey, rays.friction(reduced.X))
+    roots, parts, complete = rays.search()
     solutions = [reduced.X[:, 0] + reduced.X[:, 1:] @ z for z in roots]
     return Frictions(solutions, parts, complete)
 
@@ -111,8 +124,74 @@ def distinct(frictions: np.ndarray) -> list[np.ndarray]:
     return kept
 
 
+class _Laws:
+    """What frictions x = X u of modes have to obey, as functions of u.
+
+    Args:
+        problem, stuck, direction, obey: see `find_all`. X: (nc, 1 + nz).
+    """
+
+    def __init__(
+        self,
+        problem: Problem,
+        stuck: np.ndarray,
+        direction: np.ndarray,
+        obey: np.ndarray,
+        X: np.ndarray,
+    ) -> None:
+        R, first = problem.rate_slope, np.eye(1, X.shape[1])
+        way = np.where(obey & ~stuck, direction, 0.0)
+        moves = np.flatnonzero(way)
+        rate = problem.rate_free[:, None] * first + R @ X
+        terms = problem.rate_scale[:, None] * first + np.abs(R) @ np.abs(X)
+        middle, box = np.empty((2, len(stuck)))
+        write_box(problem, obey, direction, middle, box)
+        boxed = np.flatnonzero(box < np.inf)
+        centred = X[boxed] - middle[boxed, None] * first
+        reach, size = (
+            box[boxed, None] * first,
+            np.abs(X[boxed]) + np.abs(middle)[boxed, None] * first,
+        )
+        #: (m, 1 + nz) rates along the slip and room in the box; what rounding may leave of them
+        self.room = np.vstack([way[moves, None] * rate[moves], reach - centred, reach + centred])
+        self.noise = _UNJUST * np.vstack([terms[moves], size + reach, size + reach])
+        held = obey & stuck
+        held[problem.gear_coordinate] = False  # what they hold is no limit
+        self.held = np.flatnonzero(held)
+        below, above = np.empty((2, len(stuck)))
+        stick_limits(problem, problem.constant, below, above)
+        owner, grip = problem.coordinate[problem.contact_entry], problem.grip[problem.contact_entry]
+        here = np.flatnonzero(held[owner] & (grip > 0.0))
+        whole = np.concatenate([first, X])
+        self.x, self.above, self.below = X[self.held], above[self.held], -below[self.held]
+        #: (nt, 3, 1 + nz) contact forces times grip; (n, nt) whose limit they are part of
+        self.contact = np.einsum("tje,ju->teu", problem.contact[here], whole)
+        self.contact *= grip[here, None, None]
+        self.owner = (self.held[:, None] == owner[here]).astype(float)
+
+    def are_broken(self, V: np.ndarray) -> np.ndarray:
+        """(k,) bool: whether one is, all over a simplex (k, 1 + nz, 1 + nz), corners in columns.
+
+        Rates are linear, and friction less its limit is concave: corners bound both.
+        """
+        against = (self.room @ V < -(self.noise @ V)).all(axis=2).any(axis=1)
+        k, n, m = V.shape
+        forces = (self.contact.reshape(-1, n) @ V).reshape(k, len(self.contact), 3, m)
+        loads, x = self.owner @ np.linalg.norm(forces, axis=2), self.x @ V
+        loads, tau = loads * (1.0 + _UNJUST), V[:, None, 0] * (1.0 + _UNJUST)
+        over = (x > loads + self.above[:, None] * tau).all(axis=2)
+        over |= (-x > loads + self.below[:, None] * tau).all(axis=2)
+        return np.asarray(against | over.any(axis=1))
+
+
 class _Rays:
-    """The equations f(u) = 0 of the module's text, y scaled by its size at rest."""
+    """The equations f(u) = 0 of the module's text, y scaled by its size at rest.
+
+    Attributes:
+        laws: that what is looked for has to obey, too; None: none.
+    """
+
+    laws: _Laws | None = None
 
     def __init__(self, reduced: Reduced) -> None:
         _, _, offset, place, gain, contact = reduced
@@ -127,6 +206,12 @@ class _Rays:
         along = contact[:, 1:] * (self.sign * self.scale)[:, None]
         self.P = np.concatenate([first[:, None], along], axis=1).transpose(0, 2, 1)
         self.select = np.eye(1 + nz)[1:] * self.scale[:, None]  # y of u
+
+    def friction(self, X: np.ndarray) -> np.ndarray:
+        """Return x (nc, 1 + nz) as a map of u, from X (nc, 1 + nz) as a map of (1, z)."""
+        along = X[:, 1:] @ (self.sign[:, None] * self.select)
+        along[:, 0] += X[:, 0] + X[:, 1:] @ self.offset
+        return np.asarray(along)
 
     def forces(self, U: np.ndarray) -> np.ndarray:
         """Return the contact forces (k, nt, 3, m) at points U (k, 1 + nz, m)."""
@@ -154,6 +239,8 @@ class _Rays:
             parts += len(V)
             if parts > MOST_PARTS:
                 return self._frictions(solutions), parts, False
+            if self.laws is not None:
+                V = V[~self.laws.are_broken(V)]
             V = V[~self._are_empty(V)]
             small = np.abs(V - V[:, :, :1]).max(axis=(1, 2)) < _SMALL
             cut = ~small

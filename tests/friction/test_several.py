@@ -220,3 +220,31 @@ def test_a_step_that_lets_all_stick_goes_on_with_the_first_of_several_too(seed):
     every = find_all(two, np.zeros(2, bool), direction, NO_GEARS).solutions
     assert len(every) == 2
     assert any(np.allclose(m.friction[:2], x, rtol=1e-9) for x in every)
+
+
+def test_what_has_to_obey_its_law_is_found_in_fewer_parts():
+    """All solutions, those that obey by plain formulas, and the search for these alone."""
+    every_parts, parts, obeying = 0, 0, 0
+    for seed in range(40):
+        rng = np.random.default_rng([8, seed])
+        p = random_problem(seed, nc=3, strength=float(rng.uniform(0.1, 0.4)), static=1.3)
+        way = rng.choice([-1.0, 0.0, 1.0], 3, p=[0.4, 0.2, 0.4])
+        every = find_all(p, way == 0.0, way, NO_GEARS)
+        if every.solutions and way.all():  # efforts under which one of them moves as it slips
+            x = every.solutions[seed % len(every.solutions)]
+            p.rate_free[:] = way * rng.uniform(0.0, 3.0, 3) - p.rate_slope @ x
+            p.rate_scale[:] = np.abs(p.rate_free)
+        some = find_all(p, way == 0.0, way, NO_GEARS, np.ones(3, dtype=bool))
+        if every.complete is not True:
+            continue
+        assert some.complete
+        every_parts, parts = every_parts + every.parts, parts + some.parts
+        for x in every.solutions:
+            least, most = plain_limits(p, plain_loads(p, x))
+            rate = p.rate_free + p.rate_slope @ x
+            holds = (least <= x) & (x <= most)
+            if np.where(way == 0.0, holds, way * rate >= 0.0).all():
+                obeying += 1
+                assert any(np.allclose(x, other, rtol=1e-9) for other in some.solutions)
+    assert parts < 0.9 * every_parts
+    assert obeying > 5
