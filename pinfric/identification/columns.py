@@ -16,11 +16,13 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from pinfric.dynamics.inverse.inverse import inverse_dynamics
+from pinfric.dynamics.samples.presliding import carry_shares
 from pinfric.identification.laws import BACKWARD, BEARING, FORWARD, GEARS, INERTIA, SIDES, SPEEDS, K
 from pinfric.identification.recordings import Recording
 from pinfric.model.arrays import BoolArray, FloatArray, IntArray
 from pinfric.model.couples import delivery
 from pinfric.model.friction_terms import LoadFriction
+from pinfric.model.presliding import GRADUAL
 from pinfric.model.scene import Scene
 from pinfric.model.schema import Friction
 from pinfric.motions.log.noise import low_pass
@@ -51,7 +53,7 @@ PART, _FORGOTTEN = 8192, 2.0
 #: s: blocks must be longer than residuals are autocorrelated, and short enough to be many.
 _BLOCK = (1.0, 5.0)
 _BLOCKS, _MOST_BLOCKS = 10, 200
-#: rad or m: ways over which friction may build up after a reversal.
+#: rad or m: ways over which friction may build up after a reversal, of the fit of a delay.
 PRESLIDING = (1e-3, 4e-3, 1.6e-2)
 #: Rows of a joint in one direction from which friction in that direction is its own coefficient.
 FEWEST_ROWS = 25
@@ -101,7 +103,7 @@ class Prepared:
         payload: (T, nj) what payloads take, less what springs give, N m or N.
         load, bearing: (T, nj) by the present estimate, N m or N: effort without friction; load of
             the joint's bearing, or of its gear where the scene names no bearing.
-        presliding: (n, nj, 3) of friction that builds up after reversals; only the delay has it.
+        presliding: (n, nj, 3) what friction lacks that builds up over a way; only the delay has it.
         turns: (n, nj) sliding rows so soon after a reversal that friction may still build up.
         missing: (T, nj) gravity by the URDF where the efforts hold none, else 0, N m or N.
         share: (T, nj) of dry friction against forward motion: the sign of the velocity, or what
@@ -195,24 +197,34 @@ def prepare(
     )
 
 
-def _presliding(recording: Recording, kept: IntArray) -> tuple[FloatArray, BoolArray]:
-    """Return sign v exp(-x/d), low-passed (n, nj, 3), and where x is below the longest d (n, nj).
+def shares(recording: Recording, joint: int, way: float, gradual: bool) -> FloatArray:
+    """Return (T,) the share z of a joint's friction along a log, 0 where its start is not known.
 
-    x: distance since the joint's last reversal, rad or m.
+    `way`: d, rad or m; 0: friction acts at once.
+    """
+    t, v = recording.trajectory.t, recording.velocity[:, joint]
+    if way <= 0.0:
+        return np.sign(v)
+    stops = way * np.array([GRADUAL if gradual else (1.0, np.nan, np.nan)])
+    low, high = np.empty((2, v.size, 1))
+    q, v = (np.ascontiguousarray(x)[:, None] for x in (recording.position[:, joint], v))
+    carry_shares(t, q, v, np.array([-1.0]), stops, 0.0, low, high)
+    return 0.5 * (low + high)[:, 0]
+
+
+def _presliding(recording: Recording, kept: IntArray) -> tuple[FloatArray, BoolArray]:
+    """Return sign v - z(d), low-passed (n, nj, 3), and where a joint has just reversed (n, nj).
+
+    z builds up gradually over each way of `PRESLIDING`; just is within the longest.
     """
     step, nj = recording.step, recording.velocity.shape[1]
     columns = np.zeros((kept.size, nj, len(PRESLIDING)))
     soon = np.zeros(recording.velocity.shape, dtype=bool)
-    for j, v in enumerate(recording.velocity.T):
-        way = np.append(0.0, np.cumsum(0.5 * step * np.abs(v[1:] + v[:-1])))
-        moves = np.flatnonzero(v)
-        turned = moves[1:][np.diff(np.sign(v[moves])) != 0.0]
-        start = np.zeros(v.size)
-        start[turned] = way[turned]
-        since = way - np.maximum.accumulate(start)
-        soon[:, j] = since < PRESLIDING[-1]
-        for k, d in enumerate(PRESLIDING):
-            columns[:, j, k] = passed(np.sign(v) * np.exp(-since / d), step)[kept]
+    for j, sign in enumerate(np.sign(recording.velocity).T):
+        for k, way in enumerate(PRESLIDING):
+            lacks = sign - shares(recording, j, way, gradual=True)
+            columns[:, j, k] = passed(lacks, step)[kept]
+        soon[:, j] = shares(recording, j, 0.5 * PRESLIDING[-1], gradual=False) != sign
     return columns, _beside(soon, step)[kept]
 
 

@@ -23,7 +23,7 @@ from pinfric.identification.columns import PASS, Prepared
 from pinfric.identification.estimate import Estimate, turns
 from pinfric.identification.laws import COULOMB, INERTIA, STRIBECK_VELOCITY
 from pinfric.identification.normal import orthonormal, residuals
-from pinfric.model.arrays import FloatArray
+from pinfric.model.arrays import FloatArray, IntArray
 
 #: Probability of a shape found by chance, of each of the some 20 shapes of a joint.
 _CHANCE = 1e-4
@@ -38,6 +38,8 @@ _HARMONICS = tuple(range(1, 13))
 #: Coulomb friction forward and backward that differ by more than this share of their sum may well
 #: be equal, and the effort's sensor off.
 UNEVEN = 0.15
+#: What friction depends on that changes while it is logged.
+TIME = "time (warm-up, or sensor drift)"
 #: Directions of a shape do not show if the model's columns leave less than this share of their
 #: square. Hats over the speed make Coulomb friction, and their sum with it could be anything.
 _DESCRIBED = 0.1
@@ -193,7 +195,6 @@ def _track(estimate: Estimate, joint: int, presses: Sequence[FloatArray]) -> _Tr
         )
         curve = CubicSpline(t[prepared.kept], fitted)
         q = recording.trajectory.joint_positions()[at, joint]
-        middle, half = 0.5 * (t[0] + t[-1]), 0.5 * (t[-1] - t[0])
         parts.append(
             (
                 q,
@@ -201,11 +202,25 @@ def _track(estimate: Estimate, joint: int, presses: Sequence[FloatArray]) -> _Tr
                 recording.acceleration[at, joint],
                 curve(t[prepared.kept], 1)[own],
                 curve(t[prepared.kept], 2)[own],
-                (t[at] - middle) / half,
+                _in_log(t, at),
                 press[own, joint],
             )
         )
     return _Track(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+
+
+def in_log(estimate: Estimate, joint: int) -> FloatArray:
+    """Return (n,) the times of a joint's rows, from -1 to 1 over each log."""
+    parts = [
+        _in_log(log.recording.trajectory.t, log.kept[log.slides[:, joint]])
+        for log in estimate.prepared
+    ]
+    return np.concatenate(parts)
+
+
+def _in_log(t: FloatArray, at: IntArray) -> FloatArray:
+    middle, half = 0.5 * (t[0] + t[-1]), 0.5 * (t[-1] - t[0])
+    return np.asarray((t[at] - middle) / half)
 
 
 def _shapes(estimate: Estimate, joint: int, track: _Track) -> Iterator[tuple[str, FloatArray]]:
@@ -228,7 +243,7 @@ def _shapes(estimate: Estimate, joint: int, track: _Track) -> Iterator[tuple[str
         track.press * sign[:, None],
     )
     yield (
-        "time (warm-up, or sensor drift)",
+        TIME,
         np.column_stack((track.time, sign * track.time, v * track.time, sign * track.time**2)),
     )
     yield (

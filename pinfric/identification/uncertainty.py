@@ -35,9 +35,16 @@ from pinfric.identification.laws import (
     K,
     Law,
 )
-from pinfric.identification.misfit import UNEVEN, Misfit, uneven
-from pinfric.identification.normal import FrictionNormalEquations, above_zero, residuals
+from pinfric.identification.misfit import TIME, UNEVEN, Misfit, in_log, uneven
+from pinfric.identification.normal import (
+    FrictionNormalEquations,
+    above_zero,
+    beside,
+    orthonormal,
+    residuals,
+)
 from pinfric.identification.stribeck import beside_other, stribeck_decay
+from pinfric.identification.ways import change_by_way
 from pinfric.model.arrays import FloatArray, IntArray
 
 #: Share of a standard deviation by which a link's parameter is changed to see what its load does.
@@ -141,7 +148,13 @@ def uncertainty(estimate: Estimate, shapes: Sequence[Misfit] = ()) -> Uncertaint
         [shape for shape in seen if shape.joint == j] for j in {shape.joint for shape in shapes}
     ]
     biases = [bias(estimate, own, place) for own in of_joints]
-    for off in (*biases, *_other_exponents(estimate, place), *_other_loads(estimate, place)):
+    for off in (
+        *biases,
+        *_drifts(estimate, shapes, place),
+        *_other_exponents(estimate, place),
+        *_other_loads(estimate, place),
+        *_other_ways(estimate, place),
+    ):
         within += np.outer(off, off)
     between, logs = for_a_further_log(estimate, place)
     known = Uncertainty(place, within, between, count - 1, logs, between_logs(estimate))
@@ -263,6 +276,58 @@ def _other_loads(estimate: Estimate, place: IntArray) -> Iterator[FloatArray]:
     for j in estimate.known:
         for law in estimate.choice.rivals[j]:
             yield fitted(j, law) - fitted(j, laws[j])
+
+
+def _drifts(estimate: Estimate, shapes: Sequence[Misfit], place: IntArray) -> Iterator[FloatArray]:
+    """Yield (n,) deviations of a joint's friction at a time of the logs from its mean over time.
+
+        x(t) = x + a t + b (t^2 - 1/3),    t: -1 to 1 over each log
+
+    They are taken as even up to that of the farther end, d: their standard deviation is d/sqrt(3).
+    """
+    for j in {shape.joint for shape in shapes if shape.over == TIME}:
+        rows, weight = estimate.rows[j], np.sqrt(estimate.row_weights[j])[:, None]
+        here = [at for at in COULOMB + list(SPEEDS) if j * K + at in place]
+        t = in_log(estimate, j)[:, None]
+        changing = [rows.slots[:, here] * shape for shape in (t, t**2 - 1.0 / 3.0)]
+        off = residuals(rows, estimate.fit, j)
+        basis = orthonormal(np.column_stack((rows.rigid, rows.slots)) * weight)
+        columns = beside(basis, np.column_stack((*changing, off)) * weight)
+        a, b = np.linalg.lstsq(columns[:, :-1], columns[:, -1], rcond=_RIDGE)[0].reshape(2, -1)
+        result = np.zeros(place.size)
+        for at, x in zip(here, (np.abs(a) + np.abs(b) * 2.0 / 3.0).tolist(), strict=True):
+            result[place == j * K + at] = x / np.sqrt(3.0)
+        yield result
+
+
+def _other_ways(estimate: Estimate, place: IntArray) -> Iterator[FloatArray]:
+    """Yield (n,) changes of the coefficients with a way longer, or a delay larger, by its error."""
+    build, p = estimate.build, estimate.fit.theta.size
+    if build is None or not estimate.builds_up:
+        return
+    later, hessian = np.zeros(p + place.size), _left(estimate, place)
+    hessian, first = (hessian[p:, p:], p) if estimate.problem.prior.kept else (hessian, 0)
+    for j, (rows, way) in enumerate(zip(estimate.rows, build.ways, strict=True)):
+        to, columns = of_joint(place, j, p)
+        weighted = rows.columns[:, columns] * _row_weights(estimate, j)
+        fitted = np.concatenate((estimate.fit.theta, estimate.fit.slots[j]))
+        later[to] += build.error * (weighted.T @ (_rates(estimate, j) @ fitted))
+        if way is not None:
+            right = np.zeros(p + place.size)
+            more = change_by_way(estimate.prepared, j, way) @ estimate.fit.slots[j, COULOMB]
+            right[to] = -(weighted.T @ more)
+            yield _solved(hessian, right[first:])[p - first :]
+    yield _solved(hessian, later[first:])[p - first :]
+
+
+def _rates(estimate: Estimate, joint: int) -> FloatArray:
+    """(n, p + K) derivatives by time of a joint's columns."""
+    parts = [
+        np.hstack((log.rigid_rates[own, joint], log.slot_rates[own, joint]))
+        for log in estimate.prepared
+        for own in [log.slides[:, joint]]
+    ]
+    return np.concatenate(parts).astype(np.float64)
 
 
 def _row_weights(estimate: Estimate, joint: int) -> FloatArray:

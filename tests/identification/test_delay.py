@@ -57,7 +57,8 @@ def test_friction_that_builds_up_after_reversals_is_no_delay():
     """Before, 15 to 27 ms were found for 4."""
     found = pf.identify(guess(21), wrong_log("presliding", 21, 30.0, 125.0), laws=PLAIN)
     delay = found.estimate.delay
-    assert abs(delay.value - DELAY) < 2.5 * delay.standard_error < 5e-3
+    assert abs(delay.value - DELAY) < 1.5e-3
+    assert delay.determined  # although the shape of the build-up leaves 2 ms
     # nor is it less Coulomb and more viscous friction: both were 3.9 % off, as a mean
     assert found.estimate.builds_up
     assert any("after reversals (presliding), over a way" in line for line in found.notes)

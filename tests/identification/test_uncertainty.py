@@ -32,6 +32,7 @@ from identify_cases import (
 
 import pinfric as pf
 from pinfric.identification.choice import Problem
+from pinfric.identification.columns import shares
 from pinfric.identification.files import scene_text
 from pinfric.identification.laws import (
     BACKWARD,
@@ -42,17 +43,20 @@ from pinfric.identification.laws import (
     STRIBECK_VELOCITY,
     Law,
 )
-from pinfric.identification.misfit import Misfit
+from pinfric.identification.misfit import TIME, Misfit
 from pinfric.identification.normal import BlockProducts, FrictionNormalEquations, Prior
 from pinfric.identification.stribeck import StribeckFit, with_stribeck
 from pinfric.identification.uncertainty import (
     Uncertainty,
+    _drifts,
     _other_exponents,
+    _other_ways,
     between_logs,
     bias,
     for_a_further_log,
     uncertainty,
 )
+from pinfric.identification.ways import Build, Way
 
 
 @pytest.mark.parametrize(
@@ -255,3 +259,73 @@ def test_another_exponent_changes_the_coefficients_as_a_fit_beside_that_fall():
     expected = dict(zip(rest, beside(other) - beside(fall), strict=True))
     expected |= dict(zip([*STRIBECK, STRIBECK_VELOCITY], [-1.0, -0.5, np.log(1.5)], strict=True))
     assert off == pytest.approx([expected[slot] for slot in place], rel=1e-5)
+
+
+def hand_made(v: np.ndarray, effort: np.ndarray, columns: dict, log: object, **more: object):
+    """An estimate of one joint whose links are kept: its rows, weights and problem."""
+    rows = rows_of(effort, columns, velocity=v)
+    weight = np.random.default_rng(0).uniform(0.1, 1.0, v.size)
+    problem = Problem(
+        grams=[BlockProducts.of(rows, weight, 1)],
+        weights=np.ones(1),
+        prior=KEPT,
+        laws=(),
+        folds=np.zeros(1, dtype=int),
+        rotor=False,
+    )
+    return SimpleNamespace(
+        prepared=[log], rows=[rows], row_weights=[weight], problem=problem, **more
+    )
+
+
+def test_friction_that_drifts_is_uncertain_by_its_farther_end():
+    t = np.linspace(-1.0, 1.0, 400)
+    v = np.sin(40.0 * t)
+    columns = {FORWARD: 1.0 * (v > 0.0), BACKWARD: -1.0 * (v < 0.0), 3: v}
+    changes = {FORWARD: (1.0, 0.3), BACKWARD: (-0.5, 0.0), 3: (0.0, 0.6)}
+    effort = sum(
+        columns[slot] * (5.0 + a * t + b * (t**2 - 1.0 / 3.0)) for slot, (a, b) in changes.items()
+    )
+    log, fit = prepared_of(v, columns, slides=np.ones((v.size, 1), dtype=bool)), fit_of({3: 5.0})
+    given, place = hand_made(v, effort, columns, log, fit=fit), np.array(sorted(columns))
+    (off,) = _drifts(given, [Misfit(0, TIME, 1.0, 1.0, v[:, None], 1)], place)
+    ends = {slot: abs(a) + b * 2.0 / 3.0 for slot, (a, b) in changes.items()}
+    assert off * np.sqrt(3.0) == pytest.approx([ends[slot] for slot in place], rel=1e-6)
+    assert not list(_drifts(given, [Misfit(0, "the speed", 1.0, 1.0, v[:, None], 1)], place))
+
+
+def test_errors_of_a_way_and_of_the_delay_change_coefficients_as_fits_beside_them():
+    t = 0.1 * np.arange(300)
+    q, v = np.sin(t), np.cos(t)
+    way, late = Way(0.2, 0.1, gradual=True, gain=0.5), 0.01
+    log = prepared_of(v, {}, slides=np.ones((v.size, 1), dtype=bool))
+    log.recording.position = q[:, None]
+
+    def columns(d: float) -> dict[int, np.ndarray]:
+        z = shares(log.recording, 0, d, gradual=True)
+        return {FORWARD: np.maximum(z, 0.0), BACKWARD: np.minimum(z, 0.0), 3: v}
+
+    truth, place = np.array([5.0, 4.0, 2.0]), np.array([FORWARD, BACKWARD, 3])
+    own, longer = (np.array(list(columns(d).values())).T for d in (0.2, 0.2 * np.exp(0.1)))
+    rates = np.gradient(own, t, axis=0)
+    log.slot_rates[:, 0, place] = rates
+    given = hand_made(
+        v,
+        own @ truth,
+        columns(0.2),
+        log,
+        fit=fit_of(dict(zip(place.tolist(), truth, strict=True))),
+        build=Build((way,), 0.0, late, {}),
+        builds_up=True,
+    )
+    root = np.sqrt(given.row_weights[0])
+
+    def changed(effort: np.ndarray) -> np.ndarray:
+        """Least squares of a further effort."""
+        return np.linalg.lstsq(own * root[:, None], effort * root)[0]
+
+    of_way, of_delay = _other_ways(given, place)
+    assert of_way == pytest.approx(changed((own - longer) @ truth), rel=1e-6)
+    assert of_delay == pytest.approx(changed(late * rates @ truth), rel=1e-5)
+    given.builds_up = False
+    assert not list(_other_ways(given, place))

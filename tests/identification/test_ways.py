@@ -22,12 +22,12 @@ from identify_wrong_models import WAY, wrong_log
 
 import pinfric as pf
 from pinfric.identification import ways
-from pinfric.identification.columns import prepare
+from pinfric.identification.columns import prepare, shares
 from pinfric.identification.inertias import urdf_prior
 from pinfric.identification.notes import _of_ways
 from pinfric.identification.prediction import after_reversals
 from pinfric.identification.recordings import read_recordings
-from pinfric.identification.ways import TRIED, Build, Way, _refusal, find_ways, shares
+from pinfric.identification.ways import TRIED, Build, Way, _refusal, find_ways
 from pinfric.motions.log.reading import ReadingOptions
 
 
@@ -135,15 +135,16 @@ def test_the_share_of_a_log_is_that_of_its_positions():
         position=q[:, None],
         velocity=0.04 * np.cos(4.0 * t)[:, None],
     )
-    log = SimpleNamespace(recording=recording)
     expected = np.zeros(200)
     for k in range(1, 200):
         expected[k] = np.clip(expected[k - 1] + (q[k] - q[k - 1]) / 2e-3, -1.0, 1.0)
-    found = shares(log, 0, 2e-3, gradual=False)
+    found = shares(recording, 0, 2e-3, gradual=False)
     turns = np.diff(np.sign(recording.velocity[:, 0]), prepend=1.0) != 0.0
     late = (t > 0.3) & ~turns
     assert np.abs(found - expected)[late].max() < 0.05  # turning points between samples
-    assert np.array_equal(shares(log, 0, 0.0, gradual=False), np.sign(recording.velocity[:, 0]))
+    assert np.array_equal(
+        shares(recording, 0, 0.0, gradual=False), np.sign(recording.velocity[:, 0])
+    )
 
 
 def test_what_was_found_and_refused_is_said():
