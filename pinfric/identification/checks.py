@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -108,27 +109,61 @@ def gravity_scales(
     t is the URDF's rigid effort; blocks are the samples. Losses that differ by d between driving
     and driven change s by up to d/2. Joints whose logs do not determine s are left out.
     """
+    parts, scales = gravity_efforts(scene.model, scene, logs), {}
+    slots = [*_OWN, GEARS["motor", "both"]]
+    for j, own in enumerate(rows):
+        G = at_rows(parts, logs, j)
+        found = _scale(own, G, np.column_stack((own.load - G, own.slots[:, slots])))
+        if found is not None and found.share > _LEAST_LOAD and found.reach < _UNKNOWN:
+            scales[j] = found.value, found.reach
+    return scales
+
+
+def inertia_scales(
+    scene: Scene, logs: Sequence[Prepared], rows: Sequence[Rows], fit: Fit
+) -> dict[int, tuple[float, float]]:
+    """Return joint -> factor s on the links' inertia in its effort, and reach of its 95 % interval.
+
+        y = s (t - G) + s_g G + J a + friction
+
+    t is the URDF's rigid effort, G its gravity. The links' inertia changes with the posture, which
+    no rotor's does.
+    """
+    parts, scales = gravity_efforts(scene.model, scene, logs), {}
+    for j, own in enumerate(rows):
+        slots = [*_OWN, *np.flatnonzero(fit.slots[j])]
+        G = at_rows(parts, logs, j)
+        found = _scale(own, own.load - G, np.column_stack((G, own.slots[:, slots])))
+        if found is not None:
+            scales[j] = found.value, found.reach
+    return scales
+
+
+class _Scale(NamedTuple):
+    """A column's factor, reach of its 95 % interval, and share that it makes of the effort."""
+
+    value: float
+    reach: float
+    share: float
+
+
+def _scale(rows: Rows, column: FloatArray, others: FloatArray) -> _Scale | None:
+    """Return the factor of a column (n,) beside others (n, m) and an offset; None: too few rows."""
     from scipy.special import stdtrit
 
-    parts, scales = gravity_efforts(scene.model, scene, logs), {}
-    losses = GEARS["motor", "both"]
-    for j, own in enumerate(rows):
-        if own.effort.size < _FEWEST:
-            continue
-        G = at_rows(parts, logs, j)
-        others = np.column_stack((own.load - G, own.slots[:, [*_OWN, losses]], np.ones(G.size)))
-        y, g = beside(orthonormal(others), np.column_stack((own.effort, G))).T
-        size = float(g @ g)
-        if size <= _LEAST_LOAD**2 * max(float(own.effort @ own.effort), 1e-12):
-            continue
-        scale = float(g @ y) / size
-        scores = np.bincount(own.block, g * (y - scale * g))
-        count = np.unique(own.block).size
-        if count > _FEWEST_BLOCKS:
-            reach = float(np.linalg.norm(scores)) / size * float(stdtrit(count - 1, 0.975))
-            if reach < _UNKNOWN:
-                scales[j] = scale, reach
-    return scales
+    count = np.unique(rows.block).size
+    if rows.effort.size < _FEWEST or count <= _FEWEST_BLOCKS:
+        return None
+    basis = orthonormal(np.column_stack((others, np.ones(column.size))))
+    y, g = beside(basis, np.column_stack((rows.effort, column))).T
+    size = float(g @ g)
+    if size <= 1e-18 * float(column @ column):
+        return None
+    value = float(g @ y) / size
+    scores = np.bincount(rows.block, g * (y - value * g))
+    reach = float(np.linalg.norm(scores)) / size * float(stdtrit(count - 1, 0.975))
+    whole = max(float(rows.effort @ rows.effort), 1e-12)
+    return _Scale(value, reach, max(1.0, abs(value)) * float(np.sqrt(size / whole)))
 
 
 def gravity_efforts(model: pin.Model, scene: Scene, logs: Sequence[Prepared]) -> list[FloatArray]:

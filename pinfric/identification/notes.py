@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from pinfric.identification.checks import OTHER_GRAVITY, inertia_scales
 from pinfric.identification.choice import free_errors
 from pinfric.identification.columns import COARSE, FEWEST_ROWS, PASS, PRESLIDING, Rows
 from pinfric.identification.delay import other_delays
@@ -158,7 +159,7 @@ def notes(
     lines += _payload_factors([x for x in factors if not x.wrong])
     doubts += _payload_factors([x for x in factors if x.wrong])
     other_scales, small_scales = _scales(estimate, clear)
-    doubts += _delays(estimate) + other_scales
+    doubts += _delays(estimate) + other_scales + _inertias(estimate)
     lines += small_scales
     if estimate.question.no_gravity:
         doubts.append(
@@ -356,6 +357,29 @@ def _scales(estimate: Estimate, shapes: Sequence[Misfit]) -> tuple[list[str], li
         "motor constant"
     ]
     return doubts * bool(wrong), lines * bool(small)
+
+
+def _inertias(estimate: Estimate) -> list[str]:
+    """Joints whose effort holds another inertia than that of the links that were kept.
+
+    Of gravity `check_gravity` judges, before the fit.
+    """
+    question, names = estimate.question, estimate.scene.joint_names
+    if not question.keep_inertias:
+        return []
+    scales = inertia_scales(question.scene, estimate.prepared, estimate.rows, estimate.fit)
+    each = [
+        f"{names[j]} {scale:.2g} +- {reach:.2g}"
+        for j, (scale, reach) in scales.items()
+        if j in estimate.known and abs(scale - 1.0) > OTHER_GRAVITY + reach
+    ]
+    if not each:
+        return []
+    return [
+        "efforts hold so many times the inertia of the URDF's links, which --inertia keep holds "
+        "fixed: are the time stamps, the effort's unit, the gear ratio or the motor constant "
+        f"wrong: {', '.join(each)}"
+    ]
 
 
 def _payload_factors(factors: Sequence[EffortFactor]) -> list[str]:

@@ -50,13 +50,18 @@ class EffortScale:
     standard_error: float
     gain: float
 
+    @property
+    def differs(self) -> bool:
+        """Whether it is known, and clearly not 1, by more than masses' errors make of it."""
+        away = abs(self.value - 1.0)
+        return self.standard_error < _KNOWN and away > max(
+            OTHER_GRAVITY, _ERRORS * self.standard_error
+        )
+
     def is_beyond(self, most: float) -> bool:
         """Return whether it is known, explains something, and differs from 1 by more."""
-        return (
-            self.standard_error < _KNOWN
-            and self.gain > _WORTH
-            and abs(self.value - 1.0) > most + _ERRORS * self.standard_error
-        )
+        away = abs(self.value - 1.0)
+        return self.differs and self.gain > _WORTH and away > most + _ERRORS * self.standard_error
 
 
 def doubted(scales: Sequence[EffortScale], motor: bool) -> list[EffortScale]:
@@ -70,8 +75,9 @@ def doubted(scales: Sequence[EffortScale], motor: bool) -> list[EffortScale]:
 
 def noted(scales: Sequence[EffortScale], motor: bool) -> list[EffortScale]:
     """Return the factors that losses of gears may explain, or a wrong unit."""
-    within = [scale for scale in scales if motor and not scale.is_beyond(_LOSSES)]
-    return _by_gain(scale for scale in within if scale.is_beyond(OTHER_GRAVITY))
+    return _by_gain(
+        scale for scale in scales if motor and scale.differs and not scale.is_beyond(_LOSSES)
+    )
 
 
 def _by_gain(scales: Iterable[EffortScale]) -> list[EffortScale]:

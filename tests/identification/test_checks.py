@@ -17,6 +17,7 @@ from identify_cases import (
     excitation,
     fit_of,
     guess,
+    log,
     one_joint,
     rows_of,
     short,
@@ -27,7 +28,7 @@ from identify_wrong_models import wrong_log
 
 import pinfric as pf
 from pinfric.errors import IdentificationError
-from pinfric.identification.checks import check_efforts, check_one_robot
+from pinfric.identification.checks import _scale, check_efforts, check_one_robot
 from pinfric.identification.columns import joint_rows, prepare
 from pinfric.identification.identify import beside_measured
 from pinfric.identification.laws import BACKWARD, FORWARD, Law
@@ -211,3 +212,36 @@ def test_a_small_load_is_asked_about_where_masses_wrong_by_20_percent_do_not_exp
     effort = 80.0 * (2.0 * forward - 1.0) - slope * 9.81 * np.cos(q)
     with pytest.raises(IdentificationError, match="is 4 times") if refused else nullcontext():
         check_efforts(scene, [rows_of(effort, columns, np.reshape(rigid, (200, 10)))], ())
+
+
+@pytest.mark.parametrize(("wrong", "where"), [("effort", [0]), ("speed", [0, 1, 2])])
+def test_kept_links_are_judged_by_their_inertia(wrong, where):
+    """An effort at the upright axis carries no weight; stamps do not change what others carry."""
+    given, said = log(3, 30.0, 125.0), "times the inertia of the URDF's links"
+    right = pf.identify(truth(), given, laws=PLAIN, inertia="keep")
+    assert not any(said in line for line in right.notes)
+    stamps, effort = given.t, np.array(given.effort)
+    if wrong == "effort":
+        effort[:, 0] *= 0.65
+    else:
+        stamps = stamps[0] + 2 * (stamps - stamps[0])
+    given = replace(given, t=stamps, effort=effort)
+    (line,) = (
+        line
+        for line in pf.identify(truth(), given, laws=PLAIN, inertia="keep").doubts
+        if said in line
+    )
+    assert all(NAMES[j] in line for j in where), line
+
+
+def test_gravity_is_the_same_share_of_an_effort_times_a_factor():
+    """Before, of 1.5 times the effort it was two thirds of that share, and too little to judge."""
+    random = np.random.default_rng(4)
+    column, block = random.normal(size=200), np.arange(200) // 20
+    effort = 1.5 * column + 5.0 * random.normal(size=200)
+    one, three = (
+        _scale(rows_of(k * effort, {}, block=block), column, np.ones((200, 1))) for k in (1.0, 3.0)
+    )
+    assert three.value == pytest.approx(3.0 * one.value)
+    assert one.value > 1.0
+    assert three.share == pytest.approx(one.share)
