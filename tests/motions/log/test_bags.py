@@ -110,8 +110,8 @@ def test_a_joint_named_twice_in_a_message_is_refused(tmp_path):
         pf.load_trajectory(bag, arm())
 
 
-def write_ros1(file, kinds=("sensor_msgs/msg/JointState",), names=NAMES, compression=None):
-    """A bag of the arm's motion, as rosbag record of ROS 1 writes it."""
+def write_ros1(file, kinds=("sensor_msgs/msg/JointState",), names=NAMES, compression=None, times=T):
+    """A bag of the arm's motion, as rosbag record of ROS 1 writes it; `times`: of its stamps."""
     from rosbags.rosbag1 import Writer
     from rosbags.typesys import Stores, get_typestore
 
@@ -123,7 +123,7 @@ def write_ros1(file, kinds=("sensor_msgs/msg/JointState",), names=NAMES, compres
         for kind in kinds:
             topic = "/joint_states" if kind.endswith("JointState") else "/battery"
             connection = writer.add_connection(topic, kind, typestore=types)
-            for i, (t, q) in enumerate(zip(T, Q, strict=True)):
+            for i, (t, q) in enumerate(zip(times, Q, strict=True)):
                 at = 1_700_000_000_000_000_000 + round(t * 1e9)
                 stamp = make["builtin_interfaces/msg/Time"](sec=at // 10**9, nanosec=at % 10**9)
                 values = dict(zip(NAMES, [q[1], 0.0, q[0]], strict=True))
@@ -165,6 +165,11 @@ def test_bags_of_ros_1_that_are_cut_or_lack_a_joint(tmp_path):
     write_ros1(bag, names=("base_turn",))
     with pytest.raises(TrajectoryError, match="joints without a column: arm_lift"):
         pf.load_trajectory(bag, arm())
+    bag.unlink()
+    write_ros1(bag, times=np.tile(T[:200], 2))  # two recordings in one
+    with pytest.raises(TrajectoryError, match="time must increase; it does not at line 2 ") as e:
+        pf.load_trajectory(bag, arm())
+    assert "\n" not in str(e.value)
     bag.unlink()
     write_ros1(bag, kinds=("std_msgs/msg/Float64",))
     with pytest.raises(TrajectoryError, match="JointState; its topics: /battery"):

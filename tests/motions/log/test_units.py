@@ -154,6 +154,20 @@ def test_turns_of_an_odrive(columns, tmp_path):
     assert "logged velocities are a multiple" in refused(tmp_path, wrong, unit="turn")
 
 
+def test_turns_of_an_odrive_that_are_no_log(tmp_path):
+    whole = table(("t", *ODRIVES[0]), T, Q / TURN, V / TURN)
+    lines = whole.split("\n")
+    for text, says in (
+        (table(("t", *ODRIVES[0][::2]), T, Q[:, 0], V[:, 0]), "no column is a joint of the scene"),
+        (lines[0], "has a header and no samples"),
+        ("\n".join([*lines[:201], *lines[1:200]]), "at line 202"),
+        (whole.replace("axis1", "axis2"), "are not one for each joint, numbered"),
+    ):
+        said = refused(tmp_path, text, unit="turn")
+        assert says in said
+        assert "\n" not in said
+
+
 def test_turns_before_a_gear_and_by_header(tmp_path):
     pairs = zip(NAMES, ODRIVES[0], ODRIVES[0][2:], strict=False)
     (tmp_path / "gear.yaml").write_text(
