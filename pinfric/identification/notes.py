@@ -14,7 +14,6 @@ from pinfric.identification.columns import COARSE, FEWEST_ROWS, PASS, PRESLIDING
 from pinfric.identification.delay import other_delays
 from pinfric.identification.estimate import Estimate, rare_samples, scale_is_known
 from pinfric.identification.findings import HeldOut
-from pinfric.identification.inertias import mass_changes
 from pinfric.identification.laws import BACKWARD, FORWARD, INERTIA, K
 from pinfric.identification.misfit import Misfit
 from pinfric.identification.motor_constant import EffortFactor
@@ -22,7 +21,14 @@ from pinfric.identification.normal import residuals
 from pinfric.identification.parameters import Parameter
 from pinfric.identification.recordings import stick_velocity
 from pinfric.identification.rest import BreakAway, RestBound
-from pinfric.identification.scales import EffortScale, doubted, effort_scales, noted
+from pinfric.identification.scales import (
+    MOVED,
+    EffortScale,
+    doubted,
+    effort_scales,
+    moved_masses,
+    noted,
+)
 from pinfric.identification.tilt import base_tilt
 from pinfric.model.arrays import FloatArray
 from pinfric.motions.log.effort_place import place_note
@@ -48,8 +54,6 @@ _HOLDS = 3
 _SLIGHT = 0.05
 #: How much larger an error may be than that of least squares without a word.
 _WORSE = 0.03
-#: URDFs' masses are wrong by 10 to 40 %: a larger change has another cause.
-_MOVED = 0.5
 
 
 class Notes(NamedTuple):
@@ -233,7 +237,6 @@ def _of_links(estimate: Estimate) -> dict[str, list[str]]:
     """What contradicts the links: free ones predict better, or masses have changed much."""
     names, (own, _) = estimate.scene.joint_names, estimate.errors
     free = free_errors(estimate.problem, estimate.rows)
-    changes = mass_changes(estimate.question.scene.model, estimate.fit.theta)
     return {
         "held-out errors are larger than those of ordinary least squares (Coulomb and viscous "
         "friction, free link inertias), so the URDF's inertias are wrong there, or too little was "
@@ -242,12 +245,10 @@ def _of_links(estimate: Estimate) -> dict[str, list[str]]:
             for j in estimate.known
             if own[j] > (1.0 + _WORSE) * free[j]
         ],
-        f"masses that differ from the URDF's by more than {100 * _MOVED:.0f} %, which is unusual "
+        f"masses that differ from the URDF's by more than {100 * MOVED:.0f} %, which is unusual "
         "(check the zero and sign of the angles of these joints and their neighbours, the unit of "
         "efforts, and whether the scene lacks a payload)": [
-            name
-            for name, change in zip(names, changes.tolist(), strict=True)
-            if abs(change) > _MOVED
+            names[j] for j in moved_masses(estimate)
         ],
     }
 

@@ -1,8 +1,10 @@
 """A wrong factor on one joint's effort, with masses free."""
 
+from copy import copy
 from dataclasses import replace
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from identify_cases import (
     COULOMB,
@@ -20,15 +22,18 @@ from identify_cases import (
 )
 
 import pinfric as pf
+from pinfric.identification.inertias import mass_changes
 from pinfric.identification.misfit import Misfit
 from pinfric.identification.normal import BlockProducts, FrictionNormalEquations, Normal, Prior
 from pinfric.identification.notes import _scales
 from pinfric.identification.scales import (
+    MOVED,
     EffortScale,
     _with_factor,
     _with_scale,
     doubted,
     effort_scales,
+    moved_masses,
     noted,
 )
 
@@ -145,3 +150,23 @@ def test_a_factor_that_no_row_determines_stays(size):
     links = Prior(np.zeros(1), np.zeros(1), np.zeros(1))
     start = FrictionNormalEquations(normal, _with_factor(links, size / 1e3)).start
     assert start == pytest.approx([3.0, 0.0], abs=1e-4)
+
+
+def test_a_mass_that_moves_is_doubted_where_rows_ask_for_it(found):
+    """The URDF's upper arm weighs a third; what stands under the first axis shows in no row."""
+    scene = guess(70)
+    model = scene.model.copy()
+    light = model.inertias[ELBOW]
+    model.inertias[ELBOW] = pin.Inertia(light.mass / 3.0, light.lever, light.inertia)
+    gains = dict.fromkeys(NAMES, 1.0)
+    wrong = pf.identify(scene.with_(model=model), scaled(1.0), laws=PLAIN, gain=gains)
+    changes = mass_changes(model, wrong.estimate.fit.theta)
+    assert moved_masses(wrong.estimate) == {ELBOW: pytest.approx(changes[ELBOW])}
+    (said,) = (line for line in wrong.doubts if line.startswith("masses that differ"))
+    assert said.endswith(f": {NAMES[ELBOW]}")
+    theta = found.estimate.fit.theta.copy()
+    theta[0] *= 1.0 + 2.0 * MOVED
+    heavy = copy(found.estimate)
+    heavy.fit = replace(found.estimate.fit, theta=theta)
+    assert mass_changes(guess(0).model, theta)[0] > MOVED
+    assert moved_masses(heavy) == {}
