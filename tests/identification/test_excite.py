@@ -112,6 +112,35 @@ def own_errors(scene, q, v, a):
     return errors[np.isin(places, friction)]
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_the_value_is_log_det_of_what_links_and_rotors_leave_of_friction(seed):
+    """By rows stacked over all unknowns, in longer numbers, without a Schur complement."""
+    scene, draws = pf.load_scene("three_link"), np.random.default_rng(seed)
+    q, v, a = draws.uniform(-1.0, 1.0, (3, 60, 3))
+    criterion = Criterion.of(scene, q)
+    model, data = scene.model, scene.model.createData()
+    theta = np.concatenate([link.toDynamicParameters() for link in model.inertias[1:]])
+    rows, friction = [np.diag(np.sqrt(np.append(criterion.links, np.zeros(15))))], []
+    for j in range(3):
+        own = 30 + 5 * j
+        friction += [own + 1, own + 2, own + 3, *[own + 4] * bool(criterion.loaded[j])]
+        Y = np.array(
+            [pin.computeJointTorqueRegressor(model, data, *x)[j] for x in zip(q, v, a, strict=True)]
+        )
+        w = v[:, j]
+        terms = [a[:, j], w > 0.0, -1.0 * (w < 0.0), w, np.sign(w) * np.abs(Y @ theta)]
+        block = np.zeros((len(q), 45))
+        block[:, :30], block[:, own : own + 5] = Y, np.column_stack(terms)
+        slides = np.abs(w) > 0.01 * np.abs(w).max()
+        rows.append(block[slides] / (0.02 * criterion.size[j]))
+    unknown = np.setdiff1d(np.flatnonzero(np.vstack(rows).any(axis=0)), friction)
+    whole = np.vstack(rows)[:, [*unknown, *friction]]
+    R = np.abs(np.diag(np.linalg.qr(whole / np.linalg.norm(whole, axis=0), mode="r")))
+    size = np.linalg.norm(whole, axis=0)[unknown.size :]
+    expected = 2.0 * np.log(R[unknown.size :] * size).sum()
+    assert criterion.value(criterion.products(q, v, a)) == pytest.approx(expected, abs=1e-3)
+
+
 @pytest.mark.slow
 def test_the_series_tells_more_than_motions_of_chance_within_the_same_limits():
     scene = pf.load_scene("three_link")
