@@ -84,8 +84,9 @@ from pinfric.model.scene import Scene
 #: Both losses of a gear show where the load drives and is driven in at least this share of the
 #: rows. A gear loses at most this share of what passes it (an efficiency of two thirds).
 _LEAST_SHARE, _MOST_LOSS = 0.15, 0.5
-#: Standard errors from which a loss shows although friction is larger than the load.
-_CLEARLY = 4.0
+#: Standard errors from which a loss shows although friction is larger than the load, and the load's
+#: least share of that friction: below, other friction that no law has looks like a loss.
+_CLEARLY, _LEAST_BESIDE = 4.0, 0.3
 #: Standard error below which a factor on an effort is told: then nobody is asked about it.
 _TOLD = 0.1
 #: Blocks in which something slides: those of the shortest log.
@@ -477,11 +478,12 @@ def _shows_gear(estimate: Estimate, joint: int) -> bool:
     load = estimate.rows[joint].load
     coulomb = 0.5 * float(estimate.fit.slots[joint, COULOMB].sum())
     large = coulomb - _MOST_LOSS * float(np.mean(np.abs(load)))
-    return float(np.sqrt(np.mean(load**2))) > large or _loses(estimate, joint)
+    size = float(np.sqrt(np.mean(load**2)))
+    return size > large or (size > _LEAST_BESIDE * coulomb and _loses(estimate, joint))
 
 
 def _loses(estimate: Estimate, joint: int) -> bool:
-    """Whether a joint's gear loss, beside its present law, is many standard errors above zero."""
+    """Whether a joint's gear loss, beside its law, is clearly above zero, and one of a gear."""
     problem, laws = estimate.problem, list(estimate.choice.laws)
     laws[joint] = replace(laws[joint], load="gear", side="motor", both_ways=True)
     slots = problem.slots(laws)
@@ -492,7 +494,7 @@ def _loses(estimate: Estimate, joint: int) -> bool:
         return False
     moved, _ = influence(problem.grams, problem.weights, problem.prior, fit, place)
     error = float(np.linalg.norm(moved[:, -place.size :][:, at]))
-    return float(fit.slots[joint, loss]) > _CLEARLY * error
+    return _CLEARLY * error < float(fit.slots[joint, loss]) < _MOST_LOSS
 
 
 def offered(estimate: Estimate, joint: int) -> tuple[Law, ...]:
