@@ -4,9 +4,9 @@ At rest stick has priority: the search is for the consistent modes with the fewe
 Two different accelerations with equally few are ambiguous, unless exactly one of them lets all
 joints stick that were sticking until now. Of up to `MOST_ENUMERATED` joints that depend on each
 other (`islands`) all modes that kinematics allows are tried (`ways`), in open chains all that
-linear programs do not refute (`tree`). Beyond that, modes are followed from all stick: others may
-exist (`notebooks/theory/resting.md`). After `MOST_PASSES` passes of its solves a search is
-`UNDECIDED`.
+linear programs do not refute (`tree`), also in loops of more joints. Beyond that, modes are
+followed from all stick: others may exist (`notebooks/theory/resting.md`). After `MOST_PASSES`
+passes of its solves a search is `UNDECIDED`.
 """
 
 from __future__ import annotations
@@ -43,6 +43,8 @@ _FEW = 2
 #: Passes of all solves of a search, about a second once compiled. A solve takes one pass in an open
 #: chain, three in a mechanism, more where friction is shared; on lines of gears a tenth of these.
 MOST_PASSES, _ON_LINES = 8_000, 0.1
+#: Passes in the modes that the tree of a mechanism leaves: nearly always one to three.
+_IN_LOOPS = 300
 #: Accelerations closer than this, relative to their size, are the same one.
 _SAME = 1e-6
 #: Outcomes of a search that found no answer.
@@ -361,13 +363,19 @@ def _search_resting(query: _Query, forced: Ways, held: np.ndarray | None) -> Sea
         if outcome is not None:
             return SearchOutcome.NOT_CONVERGED if unsolved and outcome in _NOTHING else outcome
         first = None
+    plain = not (mechanism.ball.any() or mechanism.idle.any())
+    plain &= mechanism.closed and not (modes.stuck & ~rests).any()
     if len(mechanism.joints(rests)) > MOST_ENUMERATED:
-        return _pivot(query, forced, first)
+        query.passes = _IN_LOOPS if plain else query.passes
+        outcome = _in_tree(query, forced, held, None) if plain and not stays else None
+        if outcome in (SearchOutcome.SOLVED, SearchOutcome.AMBIGUOUS):
+            return outcome
+        query.passes = MOST_PASSES
+        return _pivot(query, forced, None if plain else first)
     # 3. the others, those with few slipping joints first
     possible = PossibleWays(query.problem, mechanism, rests.copy())
     levels = possible.levels(forced, fewest=int(not forced and not stays))
-    plain = not (mechanism.ball.any() or mechanism.idle.any())
-    if mechanism.closed and plain and not (modes.stuck & ~rests).any():
+    if plain:
         tree = Tree(query.problem, rests.copy(), modes.direction)
         levels = tree.allowed(levels) if tree.ends else levels
     outcome = _enumerate(query, levels, forced, held)
@@ -387,10 +395,11 @@ def _search_resting(query: _Query, forced: Ways, held: np.ndarray | None) -> Sea
 def _in_tree(
     query: _Query, forced: Ways, held: np.ndarray | None, first: tuple[int, int] | None
 ) -> SearchOutcome | None:
-    """Search an open chain without balls among the modes of its `tree.Tree`; None: too many."""
+    """Search joints without balls among the modes of its `tree.Tree`; None: too many."""
     if first is not None and _has_one_answer(query.problem, query.modes.at_rest):
         return _follow(query, set(), first)
-    tree = Tree(query.problem, query.modes.at_rest.copy(), query.modes.direction)
+    closed = query.mechanism.closed
+    tree = Tree(query.problem, query.modes.at_rest.copy(), query.modes.direction, closed)
     if not tree.ends:
         return None
     levels = ([ways for ways in level if ways] for level in tree.levels(forced))

@@ -37,6 +37,8 @@ _EXACT = 1e-6
 #: Programs of one search, in all and times the number of joints to the sixth: beyond 16 joints few
 #: trees end, and a twentieth of a second is spent on them.
 _MOST_PROGRAMS, _MOST_WORK = 20_000, 134_000_000_000
+#: The same in mechanisms.
+_MOST_IN_LOOPS = 3_000
 #: Leaves of one level, at most.
 _MOST_LEAVES = 2_000
 
@@ -69,10 +71,10 @@ def kernels_of_tree(problem: Problem, closed: bool) -> list[tuple[Any, tuple[Any
     limits = np.empty((n, 2, 1)), np.empty((n, 2, 1)), np.empty((n, 2, 2, 1))
     bounds, line = Bounds(np.empty(n), np.empty(n), *limits), np.empty(0)
     state, order = (problem, bounds, rests), np.empty(0, np.int64)
-    node = (
-        (allows, (*state, modes.ravel())) if closed else (expand, (*state, order, *[modes] * 3, 0))
-    )
-    return [(write_bounds, (problem, rests, line, bounds)), node]
+    nodes: list[tuple[Any, tuple[Any, ...]]]
+    nodes = [(expand, (*state, order, *[modes] * 3, 0, not closed))]
+    nodes += [(allows, (*state, modes.ravel()))] if closed else []
+    return [(write_bounds, (problem, rests, line, bounds)), *nodes]
 
 
 class Tree:
@@ -84,9 +86,13 @@ class Tree:
 
     Args:
         problem: `Problem`. at_rest: (nc,) bool. direction: (nc,) in which the others slip.
+        closed: whether it is of a mechanism, whose rates depend on each other.
     """
 
-    def __init__(self, problem: Problem, at_rest: np.ndarray, direction: np.ndarray) -> None:
+    def __init__(
+        self, problem: Problem, at_rest: np.ndarray, direction: np.ndarray, closed: bool = False
+    ) -> None:
+        self.closed = closed
         self.problem, self.at_rest, n = problem, at_rest, len(at_rest)
         self.root = np.where(at_rest, _UNDECIDED, np.sign(direction)).astype(np.int8)
         self.programs, self.complete = 0, True
@@ -123,11 +129,20 @@ class Tree:
         waiting = root[None]
         leaves = np.empty((_MOST_LEAVES, len(root)), np.int8)
         while len(waiting):
-            left = min(_MOST_PROGRAMS, _MOST_WORK // len(root) ** 6) - self.programs
+            most = _MOST_IN_LOOPS if self.closed else _MOST_PROGRAMS
+            left = min(most, _MOST_WORK // len(root) ** 6) - self.programs
             room = 2 * min(len(order) * len(waiting), left) + 2
             more = np.empty((room, len(root)), np.int8)
             found, after, programs = expand(
-                self.problem, self.bounds, self.at_rest, order, waiting, more, leaves, left
+                self.problem,
+                self.bounds,
+                self.at_rest,
+                order,
+                waiting,
+                more,
+                leaves,
+                left,
+                not self.closed,
             )
             self.programs += programs
             if found < 0:
@@ -410,6 +425,7 @@ def expand(
     more: np.ndarray,
     leaves: np.ndarray,
     most: int,
+    follow: bool,
 ) -> tuple[int, int, int]:
     """Write the leaves with as many slipping joints as the nodes have, and the nodes with one more.
 
@@ -417,14 +433,14 @@ def expand(
         problem, bounds, at_rest: of the tree.
         order: (n,) coordinates in the order in which they are decided.
         nodes: (m, nc) modes. more, leaves: (>=, nc), overwritten with modes.
-        most: programs.
+        most: programs. follow: see `write_rows`.
 
     Returns:
         The numbers of leaves (-1: there are too many, or too many programs), of nodes and of
         programs.
     """
     nc, n = bounds.box.size, order.size
-    G, h, s = np.empty((5 * nc, nc)), np.empty(5 * nc), np.ones(5 * nc)
+    G, h, s = np.empty((6 * nc, nc)), np.empty(6 * nc), np.ones(6 * nc)
     z, waiting = np.empty(nc), np.empty((n + 2, nc), np.int8)
     found, after, programs = 0, 0, 0
     for node in range(nodes.shape[0]):
@@ -437,7 +453,7 @@ def expand(
             programs += 1
             if programs > most:
                 return -1, after, programs
-            rows, free = write_rows(problem, bounds, at_rest, mode, True, G, h)
+            rows, free = write_rows(problem, bounds, at_rest, mode, follow, G, h)
             if least_violation(G, h, s, rows, 1.0, z[:free]) > _EXACT:
                 continue
             k = 0
