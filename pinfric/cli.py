@@ -657,7 +657,7 @@ def excite(
             duration=duration,
             rate=rate,
             share=share,
-            ranges=pairs(range_, "--range", span),
+            ranges=pairs(range_, "--range", span, "JOINT=LOW:HIGH"),
             speeds=pairs(speed, "--speed", number_of),
             accelerations=pairs(acceleration, "--acceleration", number_of),
             seed=seed,

@@ -184,7 +184,12 @@ def load_motion_of(scene: Scene, trajectory_name: str, log: ReadingOptions) -> T
     return trajectory
 
 
-def pairs(texts: Sequence[str] | None, option: str, kind: Callable[[str], Any]) -> dict[str, Any]:
+def pairs(
+    texts: Sequence[str] | None,
+    option: str,
+    kind: Callable[[str], Any],
+    form: str = "NAME=VALUE",
+) -> dict[str, Any]:
     """Return an option's NAME=VALUE by name; numbers may be listed: A=1,B=2.
 
     Raises:
@@ -204,7 +209,7 @@ def pairs(texts: Sequence[str] | None, option: str, kind: Callable[[str], Any]) 
         except ValueError:
             equals = ""
         if not (equals and name):
-            raise typer.BadParameter(f"{text!r}: should be NAME=VALUE", param_hint=option)
+            raise typer.BadParameter(f"{text!r}: should be {form}", param_hint=option)
     return values
 
 

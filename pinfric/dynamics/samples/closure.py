@@ -256,7 +256,18 @@ def first_closed(
             return near, attempt > 0
     start = np.array(q_guess, dtype=float)
     start[entries] = q[entries]
-    return close(twin, linkage, start, held), False
+    try:
+        return close(twin, linkage, start, held), False
+    except ClosureError as apart:
+        index = [scene.model.joints[scene.model.getJointId(name)].idx_q for name in independent]
+        places = ", ".join(f"{n} = {q[at]:.4g}" for n, at in zip(independent, index, strict=True))
+        raise ClosureError(
+            apart.loop,
+            0,
+            apart.residual,
+            f"cannot close in 30 searches (frames {apart.residual:.3g} m apart): these links do "
+            f"not reach {places}, or positions are in another unit (`unit: deg`)",
+        ) from None
 
 
 def _held(scene: Scene, independent: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:

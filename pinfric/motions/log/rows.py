@@ -94,8 +94,9 @@ def check_times(t: FloatArray, lines: Sequence[int], problems: list[str]) -> Non
 def ordered_rows(t: FloatArray, lines: Sequence[int], said: Remarks) -> IntArray:
     """Return the rows to keep: those whose stamp is later than all before.
 
-    Stamps that only jitter about regular time are all kept. More than 1 % of doubled or backward
-    stamps are a problem.
+    Where one stamp is earlier than the one before only, either may be wrong, or both rows are
+    exchanged: none of them is kept. Stamps that only jitter about regular time are all kept. More
+    than 1 % of doubled or backward stamps are a problem.
     """
     all_rows = np.arange(t.size)
     if not np.isfinite(t).all():  # refused already
@@ -113,6 +114,8 @@ def ordered_rows(t: FloatArray, lines: Sequence[int], said: Remarks) -> IntArray
             "other stamps"
         )
         return all_rows
+    back = wrong[(wrong > 1) & (t[wrong] < t[wrong - 1])]
+    wrong = np.union1d(wrong, back[t[back] > t[back - 2]] - 1)
     said.notes.append(
         f"left out {counted(wrong.size, 'row')} with repeated or backward time stamps, the first "
         f"in line {lines[int(wrong[0])]}"

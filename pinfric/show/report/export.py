@@ -46,8 +46,8 @@ def export_report(exported: Exported) -> Report:
     )
     # What the columns mean, and what the file does not hold
     lines = [
-        "the header uses the present load and needs no constants; the constants below are for "
-        "comparison, `error` is their error along this motion"
+        "the header uses the present load and needs no constants; those in the table are for "
+        "comparison, `error` is how far they are off there"
     ] * (form.write is None)
     lines += [
         "constants in the joint's unit, per rad/s or m/s, and in kg m^2 or kg; error: compared "

@@ -33,6 +33,23 @@ def test_few_torn_rows_and_stamps_are_left_out_and_said(tmp_path):
     assert_allclose(motion.a[:, 0], -3.2 * np.sin(2 * motion.t), atol=1e-3)
 
 
+@pytest.mark.parametrize("whole", [False, True])
+def test_of_two_stamps_that_are_exchanged_neither_row_is_kept(tmp_path, whole):
+    """Of the stamps alone, or of the rows: what is left is right in both cases."""
+    head, rows = rows_of(PLAIN)
+    rows[200], rows[201] = (
+        (rows[201], rows[200])
+        if whole
+        else (
+            ",".join([rows[201].split(",")[0], *rows[200].split(",")[1:]]),
+            ",".join([rows[200].split(",")[0], *rows[201].split(",")[1:]]),
+        )
+    )
+    motion = load(tmp_path, "\n".join([head, *rows]))
+    assert "left out 2 rows with repeated or backward time stamps" in motion.warnings[0]
+    assert_allclose(motion.a[:, 0], -3.2 * np.sin(2 * motion.t), atol=1e-3)
+
+
 def test_many_torn_rows_are_an_error_that_names_them(tmp_path):
     head, rows = rows_of(PLAIN)
     for i in range(10, 60, 10):
