@@ -176,7 +176,7 @@ BAD = """
 --range elbow=-1:1        range: there is no joint 'elbow'; there
 --range joint_1=1:-1      range joint_1=1:-1: should rise
 --range joint_1=0:99      range joint_1=0:99: should rise; the URDF allows
---range joint_1=1         'joint_1=1': should be NAME=VALUE
+--range joint_1=1         'joint_1=1': should be JOINT=LOW:HIGH
 --speed joint_1=99        speed joint_1=99: should be above 0; the URDF allows
 --speed joint_1=nan       should be above 0
 --acceleration joint_1=0  acceleration joint_1=0: should be above 0
