@@ -854,13 +854,11 @@ def new(
             "`size` tries both and takes the heavier drives"
         )
     motion = [file for file in files if file.name.endswith(".waypoints.yaml")][:1]
-    command = "inverse" if motion else "explain"
-    print_line(f"try: pinfric {command} {' '.join(map(str, [files[0], *motion]))}")
+    command, given = "inverse" if motion else "explain", " ".join(map(str, [files[0], *motion]))
+    print_line(f"try: pinfric {command} {given}")
     if payload is not None:
         of = "" if link is None else f" --rating link={link}"
-        print_line(
-            f"or: pinfric size {files[0]} --rating payload={payload:g}{of} --catalog default"
-        )
+        print_line(f"or: pinfric size {given} --rating payload={payload:g}{of} --catalog default")
 
 
 @app.command(short_help="List the bundled robots whose friction was measured.")
