@@ -44,8 +44,8 @@ class ActuatorForm:
     unit: str = quantity('unit of its efforts, "N m" or "N"', heading="unit")
     model: str = quantity("m1 to m6; m1 is constants: frictionloss and damping", heading="model")
     taken: bool = quantity(
-        "whether it is the simplest whose error in motion, at the motors' limits and at break-away "
-        "together is below 5 % of the friction or 1.1 times the least"
+        "whether it is the simplest whose errors in motion, at the motors' limits and at "
+        "break-away, as one RMS, are below 5 % of the friction or 1.1 times the least of any model"
     )
     error_rms: float = quantity(
         "RMS error of the friction while the joint moves", EFFORT, "error\nRMS"

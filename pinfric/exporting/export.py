@@ -557,7 +557,8 @@ FORMATS = {
         given="models of each joint",
         beside="each model its errors against the scene's friction in that motion, at "
         "accelerations up to the motors' limits (pushed) and at break-away (rest); `take` names "
-        "the simplest whose error is below 5 % of the friction or 1.1 times the least",
+        "the simplest whose three errors, as one RMS, are below 5 % of the friction or 1.1 times "
+        "the least of any model",
     ),
     "cpp": Format(
         "C++ (a compensator that knows the load)",

@@ -349,12 +349,13 @@ def _search_resting(query: _Query, forced: Ways, held: np.ndarray | None) -> Sea
         return query.end(*query.solve())
     open_chain = not (mechanism.closed or mechanism.ball.any())
     in_tree = open_chain and rests.sum() > _FEW and not (modes.stuck & ~rests).any()
+    many = len(mechanism.joints(rests)) > MOST_ENUMERATED
     # 1. all stick; where that does not last, or in several ways, it is one answer of step 3
     first = None if forced else query.rest()
     stays = first is not None and first[1] > 0
     if first is not None and stays:
         lasts = first[1] == 1 and all(answer.stable for answer in query.answers)
-        if lasts or in_tree or len(mechanism.joints(rests)) > MOST_ENUMERATED:
+        if lasts or in_tree or many:
             return query.end(*first)
     unsolved = first is not None and first[0] < 0
     # 2. what follows from there, and open chains
@@ -365,13 +366,14 @@ def _search_resting(query: _Query, forced: Ways, held: np.ndarray | None) -> Sea
         first = None
     plain = not (mechanism.ball.any() or mechanism.idle.any())
     plain &= mechanism.closed and not (modes.stuck & ~rests).any()
-    if len(mechanism.joints(rests)) > MOST_ENUMERATED:
-        query.passes = _IN_LOOPS if plain else query.passes
-        outcome = _in_tree(query, forced, held, None) if plain and not stays else None
-        if outcome in (SearchOutcome.SOLVED, SearchOutcome.AMBIGUOUS):
-            return outcome
-        query.passes = MOST_PASSES
-        return _pivot(query, forced, None if plain else first)
+    if many:
+        if plain:
+            query.passes = _IN_LOOPS
+            outcome = _in_tree(query, forced, held, None)
+            if outcome in (SearchOutcome.SOLVED, SearchOutcome.AMBIGUOUS):
+                return outcome
+            first, query.passes = None, MOST_PASSES
+        return _pivot(query, forced, first)
     # 3. the others, those with few slipping joints first
     possible = PossibleWays(query.problem, mechanism, rests.copy())
     levels = possible.levels(forced, fewest=int(not forced and not stays))

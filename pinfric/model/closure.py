@@ -137,10 +137,15 @@ def close(
         ClosureError: no step brings the frames nearer, and they are still apart; names `sample`.
     """
     q, gap = approach(twin, linkage, q_guess, held)
-    worst = int(np.argmax(np.abs(gap))) if gap.size else 0
-    if gap.size and not np.abs(gap[worst]) <= CLOSED * linkage.size:
-        raise ClosureError(linkage.name_of_row(worst), sample, float(np.linalg.norm(gap)))
+    if not is_closed(linkage, gap):
+        worst = linkage.name_of_row(int(np.argmax(np.abs(gap))))
+        raise ClosureError(worst, sample, float(np.linalg.norm(gap)))
     return q
+
+
+def is_closed(linkage: Linkage, gap: np.ndarray) -> bool:
+    """Return whether what `approach` leaves (nc,) is closed."""
+    return bool(np.abs(gap).max(initial=0.0) <= CLOSED * linkage.size)
 
 
 def approach(
@@ -254,7 +259,7 @@ def closed_configurations(
     least = np.full(linkage.multipliers, np.inf)
     for guess in guesses(twin.model, start):
         q, gap = approach(twin, linkage, guess, held)
-        if np.abs(gap).max(initial=0.0) <= CLOSED * linkage.size:
+        if is_closed(linkage, gap):
             closed.append(q)
         elif np.linalg.norm(gap) < np.linalg.norm(least):
             least = gap

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -46,6 +47,18 @@ def named_columns(
     return named
 
 
+class Completed(NamedTuple):
+    """A motion of all joints: q (T, nq), v, a (T, nv).
+
+    `assembly`: the start that a search chose among those that close, in words; empty: none did.
+    """
+
+    q: FloatArray
+    v: FloatArray
+    a: FloatArray
+    assembly: str = ""
+
+
 def complete_motion(
     scene: Scene,
     source: str,
@@ -56,8 +69,8 @@ def complete_motion(
     a: FloatArray,
     derived: bool,
     warnings: list[str],
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return q (T, nq), v, a (T, nv) of all joints from those of the named ones.
+) -> Completed:
+    """Return the motion of all joints from that of the named ones.
 
     The first configuration is the one nearest to the scene's `simulation.start`. Where all joints
     are named and derivatives come from their positions, the independent ones move the others,
@@ -76,16 +89,16 @@ def complete_motion(
     try:
         if len(named) < len(columns):
             start, searched = first_closed(scene, scene.start_configuration, names, q[0])
-            if searched:
-                warnings.append(_where_it_begins(columns, names, start))
+            assembly = _where_it_begins(columns, names, start) if searched else ""
+            warnings += [assembly] * searched
             q = complete_configurations(scene, start, names, q)
-            return q, *consistent_motion(scene, q, names, v, a)
+            return Completed(q, *consistent_motion(scene, q, names, v, a), assembly)
         if not derived:
-            return q, v, a
+            return Completed(q, v, a)
         chosen = independent_joints(scene, q[0])
         index = [names.index(name) for name in chosen]
         q = _closed(scene, columns, chosen, q, warnings)
-        return q, *consistent_motion(scene, q, chosen, v[:, index], a[:, index])
+        return Completed(q, *consistent_motion(scene, q, chosen, v[:, index], a[:, index]))
     except ClosureError as problem:
         raise TrajectoryError(f"{source}: {problem}") from None
 

@@ -90,6 +90,8 @@ class Trajectory:
         warnings: what a person should look at (velocity limits exceeded, noisy derivatives).
         reading: how a file of samples was read; None for way-points and arrays.
         rating: whose motion it is, as `pinfric new --payload` writes it; None: of none.
+        assembly: of closed loops, the start that a search chose for want of one, in words; nothing
+            is signed with it. Empty: none was sought.
 
     Raises:
         TrajectoryError: no samples, shapes that do not agree, time not increasing, not finite.
@@ -107,6 +109,7 @@ class Trajectory:
     warnings: tuple[str, ...] = ()
     reading: Reading | None = None
     rating: Rating | None = None
+    assembly: str = ""
 
     def __post_init__(self) -> None:
         for name in ("t", "q", "v", "a"):
@@ -426,11 +429,12 @@ def _from_table(
     with np.errstate(all="ignore"):  # what overflows is found below, by what it comes to
         v, a = complete_derivatives(named, table, wrong, said)
     refuse(source, wrong or _value_problems(table.t, (("v", v), ("a", a))))
+    assembly = ""
     if isinstance(scene, Scene) and scene.loops:
         derived = filtered or bool(
             np.isnan(table.velocity).any() or np.isnan(table.acceleration).any()
         )
-        q, v, a = complete_motion(
+        q, v, a, assembly = complete_motion(
             scene, source, columns, named, table.position, v, a, derived, said
         )
         moved = single_positions(q, [column.nq for column in columns])
@@ -451,6 +455,7 @@ def _from_table(
         source=source,
         joint_nq=tuple(column.nq for column in columns),
         warnings=tuple(said),
+        assembly=assembly,
     )
 
 

@@ -210,7 +210,8 @@ class SizingReport(Shown):
         elsewhere: scenes in which the robot is mounted otherwise, for which the drives are, too.
         bodies: inertias of payloads that were guessed, and as what, by their places in the scene.
         point_mass: mass of the drives if these payloads were points, kg; None: no choice, or none.
-        beyond: joints that the cycle moves faster or farther than the URDF allows, in words.
+        beyond: joints that the cycle moves faster or farther than the URDF allows, and assemblies
+            of loops that a search chose, in words.
         open_stops: by column, what the gears would bear in stops, N m or N, which the choice does
             not use: of a rating alone; NaN where brakes may close and no algebra tells it.
         sensitivity: by which factors on loads the choice changes; empty: not asked for.

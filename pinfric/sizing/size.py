@@ -206,7 +206,10 @@ def _report(task: Task, memory: Memory, choice: Choice) -> SizingReport:
         elsewhere=tuple(task.elsewhere),
         bodies=guessed_bodies(task.given, task.guessed),
         point_mass=_point_mass(task, choice),
-        beyond=moves_beyond(without.scene, without.states.q[own], without.states.v[own]),
+        beyond=(
+            *moves_beyond(without.scene, without.states.q[own], without.states.v[own]),
+            *task.assemblies,
+        ),
         open_stops=open_stops(task, memory, choice),
     )
 

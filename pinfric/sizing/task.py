@@ -39,6 +39,7 @@ class Task:
         points: the same robots with payloads as points, where `guessed` ones are cubes of water;
             empty: there are none.
         guessed: names of the payloads whose inertia is not given.
+        assemblies: of closed loops that a search chose, see `Trajectory`; nothing is signed there.
         files: that were read. progress: called with a line at each step.
         unloaded: (nv,) joints that move no mass.
         arrays: of the catalogue, by what joints take (`parts.output_of`).
@@ -59,6 +60,7 @@ class Task:
     arrays: Mapping[str, CatalogArrays]
     points: Mapping[str, DrivenRobot]
     guessed: tuple[str, ...]
+    assemblies: tuple[str, ...] = ()
 
     @property
     def robot(self) -> DrivenRobot:
@@ -208,6 +210,7 @@ def task_of(
         arrays,
         apart,
         guessed,
+        tuple(dict.fromkeys(x for c in cycles if (x := getattr(c, "assembly", "")))),
     )
 
 

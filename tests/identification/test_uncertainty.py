@@ -246,14 +246,7 @@ def test_another_exponent_changes_the_coefficients_as_a_fit_beside_that_fall():
         rows=[rows],
         row_weights=[weight],
         fit=fit_of({}),
-        problem=Problem(
-            grams=[BlockProducts.of(rows, weight, 1)],
-            weights=np.ones(1),
-            prior=KEPT,
-            laws=(),
-            folds=np.zeros(1, dtype=int),
-            rotor=False,
-        ),
+        problem=problem_of(rows, weight),
     )
     (off,) = _other_exponents(found, place)
     expected = dict(zip(rest, beside(other) - beside(fall), strict=True))
@@ -261,11 +254,9 @@ def test_another_exponent_changes_the_coefficients_as_a_fit_beside_that_fall():
     assert off == pytest.approx([expected[slot] for slot in place], rel=1e-5)
 
 
-def hand_made(v: np.ndarray, effort: np.ndarray, columns: dict, log: object, **more: object):
-    """An estimate of one joint whose links are kept: its rows, weights and problem."""
-    rows = rows_of(effort, columns, velocity=v)
-    weight = np.random.default_rng(0).uniform(0.1, 1.0, v.size)
-    problem = Problem(
+def problem_of(rows: object, weight: np.ndarray) -> Problem:
+    """One joint whose links are kept, all its rows in one block."""
+    return Problem(
         grams=[BlockProducts.of(rows, weight, 1)],
         weights=np.ones(1),
         prior=KEPT,
@@ -273,6 +264,13 @@ def hand_made(v: np.ndarray, effort: np.ndarray, columns: dict, log: object, **m
         folds=np.zeros(1, dtype=int),
         rotor=False,
     )
+
+
+def hand_made(v: np.ndarray, effort: np.ndarray, columns: dict, log: object, **more: object):
+    """An estimate of one joint whose links are kept: its rows, weights and problem."""
+    rows = rows_of(effort, columns, velocity=v)
+    weight = np.random.default_rng(0).uniform(0.1, 1.0, v.size)
+    problem = problem_of(rows, weight)
     return SimpleNamespace(
         prepared=[log], rows=[rows], row_weights=[weight], problem=problem, **more
     )

@@ -91,10 +91,14 @@ def test_a_linkage_goes_from_the_guides_drawing_to_torques(monkeypatch, tmp_path
     searched = told(capsys, *inverse)
     assert blocks("text", page)[0].strip() in searched.err
     told(capsys, *replay)
+    unsigned = told(capsys, "size", *inverse[1:], "--catalog", "default", code=cli.BAD_INPUT)
+    assert "0 of 1 joints can be signed" in unsigned.out
     (tmp_path / "four_bar.yaml").write_text(scene + start)
     started = told(capsys, *inverse)
     assert started.out == searched.out
     assert not started.err
+    signed = told(capsys, "size", *inverse[1:], "--catalog", "default")
+    assert "1 of 1 joints can be signed" in signed.out
 
 
 def commands(page):

@@ -7,8 +7,9 @@ from io import StringIO
 
 import pytest
 from rich.console import Console
-from sizing_cases import GEAR, MOTOR, one_drive, sized_cycle, turntable
+from sizing_cases import GEAR, MOTOR, one_drive, sized_cycle, trapezoid, turntable
 
+import pinfric as pf
 from pinfric.checking.findings import error, note, warning
 from pinfric.errors import SizingError
 from pinfric.model.described import in_json
@@ -139,6 +140,16 @@ def test_a_cycle_beyond_the_limits_of_the_robot_is_not_signed(tmp_path, limit, s
     scene = turntable().with_(stops=STOPS, model=model)
     state = "provisional" if says else "can be signed"
     assert_said_alike(sized(tmp_path, scene=scene), state, says)
+
+
+def test_an_assembly_that_a_search_chose_is_not_signed(tmp_path):
+    scene = turntable().with_(stops=STOPS)
+    motion = replace(trapezoid(scene), assembly="loops do not close near the start")
+    catalog = one_drive(tmp_path, MOTOR, GEAR, brakes={"B": BRAKE})
+    given = {"conditions": {"holding_brake": "all"}, "on_miss": "ignore"}
+    for cycle in (motion, pf.Duty(((motion, 1.0),))):
+        report = pf.size(scene, cycle, catalog, **given)
+        assert_said_alike(report, "provisional", "loops do not close near the start")
 
 
 def test_a_choice_that_still_alternates_is_not_signed(tmp_path):

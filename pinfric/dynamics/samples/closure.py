@@ -15,7 +15,6 @@ import pinocchio as pin
 from pinfric.errors import ClosureError, LoopMotionError, SceneError, StateError
 from pinfric.model.arrays import real_numbers
 from pinfric.model.closure import (
-    CLOSED,
     NEARLY_CLOSED,
     RANK,
     LoopState,
@@ -25,6 +24,7 @@ from pinfric.model.closure import (
     closure_jacobian,
     full_pivot,
     guesses,
+    is_closed,
     loop_state,
     velocity_indices,
     velocity_names,
@@ -249,25 +249,23 @@ def first_closed(
     linkage, twin = scene.linkage, scene.twin()
     assert linkage is not None
     held, entries = _held(scene, independent)
+    worst, apart = 0, 0.0
     for attempt, guess in enumerate(guesses(scene.model, q_guess)):
         guess[entries] = q[entries]
         near, gap = approach(twin, linkage, guess, held)
-        if np.abs(gap).max(initial=0.0) <= CLOSED * linkage.size:
+        if is_closed(linkage, gap):
             return near, attempt > 0
-    start = np.array(q_guess, dtype=float)
-    start[entries] = q[entries]
-    try:
-        return close(twin, linkage, start, held), False
-    except ClosureError as apart:
-        index = [scene.model.joints[scene.model.getJointId(name)].idx_q for name in independent]
-        places = ", ".join(f"{n} = {q[at]:.4g}" for n, at in zip(independent, index, strict=True))
-        raise ClosureError(
-            apart.loop,
-            0,
-            apart.residual,
-            f"cannot close in 30 searches (frames {apart.residual:.3g} m apart): these links do "
-            f"not reach {places}, or positions are in another unit (`unit: deg`)",
-        ) from None
+        if attempt == 0:
+            worst, apart = int(np.argmax(np.abs(gap))), float(np.linalg.norm(gap))
+    index = [scene.model.joints[scene.model.getJointId(name)].idx_q for name in independent]
+    places = ", ".join(f"{n} = {q[at]:.4g}" for n, at in zip(independent, index, strict=True))
+    raise ClosureError(
+        linkage.name_of_row(worst),
+        0,
+        apart,
+        f"cannot close in 30 searches (frames {apart:.3g} m apart): these links do not reach "
+        f"{places}, or positions are in another unit (`unit: deg`)",
+    )
 
 
 def _held(scene: Scene, independent: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:

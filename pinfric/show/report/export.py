@@ -76,8 +76,9 @@ def _models(exported: Exported, title: str) -> Report:
         zero=lambda form: 1e-9 * form.friction_rms,
     )
     lines = [
-        "* the one to take: the simplest whose error, in motion, at the motors' limits and at "
-        "break-away, is below 5 % of the friction or 1.1 times the least; m1 is constants",
+        "* the one to take: the simplest whose errors in motion, at the motors' limits and at "
+        "break-away, as one RMS, are below 5 % of the friction or 1.1 times the least of any "
+        "model; m1 is constants",
         *(f"not in the file: {line}" for line in exported.left_out),
         *exported.notes,
     ]
