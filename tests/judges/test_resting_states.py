@@ -16,6 +16,7 @@ from judges.resting_states import (
     Joint,
     _of_chain,
     also,
+    answers,
     compare,
     five_bar,
     least_share,
@@ -25,7 +26,7 @@ from numpy.testing import assert_allclose
 
 import pinfric as pf
 from pinfric.dynamics.forward.workspace import Workspace, workspace
-from pinfric.errors import AccelerationError, UndecidedAcceleration
+from pinfric.errors import AccelerationError, AmbiguousAcceleration, UndecidedAcceleration
 from pinfric.friction import search
 from pinfric.friction.problem import SearchOutcome
 from pinfric.friction.tree import Tree
@@ -50,6 +51,46 @@ def test_the_acceleration_is_that_with_the_fewest_slips(kind, seeds):
     says = {seed: compare(kind, seed)[0] for seed in seeds}
     assert not {seed: one for seed, one in says.items() if not one.startswith(SAID)}
     assert sum(one.startswith("same") for one in says.values()) >= 0.9 * len(seeds)
+
+
+@pytest.mark.parametrize(
+    "seeds", [range(24), pytest.param(range(24, 200), marks=pytest.mark.slow)], ids=["few", "many"]
+)
+def test_loops_of_more_pins_than_all_ways_are_tried_of_obey_and_are_proved(seeds):
+    """Nine to eleven pins of one to three freedoms.
+
+    Each answer obeys in the equations of bars in absolute coordinates. Their own search finds none
+    where more pins stick than are free and share friction in several ways.
+    """
+    proved, moving = 0, 0
+    for seed in seeds:
+        rng = np.random.default_rng(seed)
+        state = five_bar(rng, [(5, 4), (4, 4, 3), (5, 3, 3), (4, 3, 3)][seed % 4])
+        s, scene = state.resting, state.scene
+        q, still = pin.neutral(scene.model), np.zeros(scene.model.nv)
+        found = answers(s, rng)
+        try:
+            instant = pf.forward_dynamics(scene, q, still, **state.given)
+        except AmbiguousAcceleration:
+            assert len(found.rates) > 1
+            continue
+        # a loop's pin turns as its second bar beside its first, here as the first beside the second
+        way = np.where([site.name.startswith("c") for site in scene.sites], -1.0, 1.0)
+        x, modes = way * instant.friction, way * instant.modes
+        rate, limit = s.rates(x[None])[0], s.limit(x[None])[0]
+        slips, most = modes != 0.0, np.abs(rate).max()
+        assert_allclose(x[slips], -(modes * limit)[slips], rtol=1e-8)
+        assert (modes * rate)[slips].min(initial=np.inf) > 0.0
+        assert np.abs(rate[~slips]).max(initial=0.0) <= 1e-9 * max(most, 1.0)
+        assert (np.abs(x) <= s.above * limit * (1.0 + 1e-9))[~slips].all()
+        if slips.any():
+            moving, proved = moving + 1, proved + (instant.answers == 1)
+            # what they find slips no less
+            assert found.level < 0 or found.level >= slips.sum()
+            if found.level == slips.sum() and len(found.rates) == 1:
+                assert_allclose(rate, found.rates[0], atol=1e-5 * most)
+    assert moving >= 0.3 * len(seeds)
+    assert proved >= 0.9 * moving
 
 
 @pytest.mark.parametrize(
