@@ -27,6 +27,7 @@ from pinfric.identification.inertias import urdf_prior
 from pinfric.identification.notes import _of_ways
 from pinfric.identification.prediction import after_reversals
 from pinfric.identification.recordings import read_recordings
+from pinfric.identification.uncertainty import uncertainty
 from pinfric.identification.ways import TRIED, Build, Way, _refusal, find_ways
 from pinfric.motions.log.reading import ReadingOptions
 
@@ -53,6 +54,15 @@ def test_each_way_is_found_and_its_interval_holds_it(building):
     # a gradual shape is found up to some ms early: the delay's error says so
     assert 2e-3 < building.estimate.delay.standard_error < 3e-3
     assert any("friction builds up gradually after reversals" in note for note in building.notes)
+
+
+def test_intervals_hold_the_errors_of_ways_and_of_their_delay(building, monkeypatch):
+    whole = uncertainty(building.estimate, building.misfits)
+    monkeypatch.setattr("pinfric.identification.uncertainty._other_ways", lambda *_: iter(()))
+    taken_as_known = uncertainty(building.estimate, building.misfits)
+    wider = np.sqrt(np.diag(whole.within) / np.diag(taken_as_known.within))
+    assert wider.min() >= 1.0
+    assert wider.max() > 2.0
 
 
 def test_errors_after_reversals_are_those_elsewhere(building):
