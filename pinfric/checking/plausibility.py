@@ -98,7 +98,7 @@ def findings_of(scene: Scene, meshes: bool = True) -> tuple[Finding, ...]:
 
 
 def _facts(robot: Robot) -> RobotFacts:
-    return RobotFacts.of(robot.urdf, robot.xacro_args)
+    return RobotFacts.of(robot.urdf, robot.xacro_args, robot.floating)
 
 
 def _ordered(findings: Iterator[Finding]) -> tuple[Finding, ...]:
@@ -160,7 +160,7 @@ def _urdf_findings(
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore", PinfricWarning)
-                robot = read_robot(facts.urdf, {}, facts.xacro_args)
+                robot = read_robot(facts.urdf, {}, facts.xacro_args, facts.floating)
         except RobotError as refused:
             reason = str(refused).removeprefix(f"{facts.urdf}: ")
             yield error("does not load", "robot", reason, "", excess=1e9)

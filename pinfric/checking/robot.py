@@ -13,6 +13,7 @@ import numpy as np
 
 from pinfric.checking.link_extent import Extent, MeasuredLinks, numbers, place_of
 from pinfric.errors import FindingWarning, PinfricWarning
+from pinfric.model.floating import free_base
 from pinfric.model.mimics import link_of, lost_leaders
 from pinfric.model.robot import mesh_folders
 from pinfric.model.urdf import bodies, check_urdf, missing_meshes, still_links
@@ -134,6 +135,7 @@ class RobotFacts:
         extents: link -> box of its shapes; a link's meshes are read when it is first asked for.
         said: what reading warned of that is no other fact.
         xacro_args: with which it was read.
+        floating: whether its base was let free.
     """
 
     urdf: Path
@@ -143,10 +145,13 @@ class RobotFacts:
     extents: Mapping[str, Extent]
     said: tuple[str, ...]
     xacro_args: Mapping[str, str]
+    floating: bool = False
 
     @classmethod
-    def of(cls, urdf: Path, xacro_args: Mapping[str, str] | None = None) -> RobotFacts:
-        """Read a URDF; what loading warns of is among the facts.
+    def of(
+        cls, urdf: Path, xacro_args: Mapping[str, str] | None = None, floating: bool = False
+    ) -> RobotFacts:
+        """Read a URDF, its base let free if `floating`; what loading warns of is among the facts.
 
         Raises:
             RobotError: see `read_xml` and `check_urdf`.
@@ -156,13 +161,15 @@ class RobotFacts:
             root = read_xml(urdf, xacro_args)
             lost, nameless = lost_leaders(root), not root.get("name")
             check_urdf(root, urdf)
+            if floating:
+                free_base(root, urdf)
         texts = (
             str(warning.message).removeprefix(f"{urdf}: ")
             for warning in said
             if not issubclass(warning.category, FindingWarning)
         )
         extents = MeasuredLinks(root, urdf, mesh_folders(urdf))
-        return cls(urdf, root, nameless, lost, extents, tuple(texts), xacro_args or {})
+        return cls(urdf, root, nameless, lost, extents, tuple(texts), xacro_args or {}, floating)
 
     @property
     def missing(self) -> list[str]:

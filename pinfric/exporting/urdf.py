@@ -42,7 +42,7 @@ def urdf(
         )
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", PinfricWarning)
-        file = read_robot(robot.urdf, robot.locked, robot.xacro_args).model
+        file = read_robot(robot.urdf, robot.locked, robot.xacro_args, robot.floating).model
     file.gravity = scene.model.gravity  # a URDF has none
     if changed := changed_parts(scene.model, file):
         raise PinfricError(

@@ -35,8 +35,8 @@ def hanging_legs(model: pin.Model) -> str:
     base = next(iter(names[0][1:]), "its root")
     return (
         f"{legs} legs hang by the fixed base {base}, and carry only themselves; to let them stand, "
-        f'add to the URDF a link "world" and a joint of type "floating" from it to {base}, and '
-        "compute in Python with the forces at the feet (`external=` of `scene.solver()`)"
+        "write `floating: true` under `robot` (`pinfric new --floating`) and give the forces at "
+        "the feet with the motion"
     )
 
 

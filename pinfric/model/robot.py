@@ -17,6 +17,7 @@ import numpy as np
 import pinocchio as pin
 
 from pinfric.errors import PinfricWarning, RobotError, choose_from
+from pinfric.model.floating import free_base
 from pinfric.model.mimics import lock_joints, numbers_before_names
 from pinfric.model.schema import Payload
 from pinfric.model.urdf import (
@@ -55,9 +56,17 @@ class Robot:
     reductions: Mapping[str, float]
     locked: Mapping[str, float] = field(default_factory=dict)
     xacro_args: Mapping[str, str] = field(default_factory=dict)
+    floating: bool = False
 
     def xml(self) -> ElementTree.Element:
-        """Return a copy of its root element, xacro expanded; see `read_xml`."""
+        """Return a copy of its root element, xacro expanded, its base as free as the model's."""
+        root = self.file_xml()
+        if self.floating:
+            free_base(root, self.urdf)
+        return root
+
+    def file_xml(self) -> ElementTree.Element:
+        """Return a copy of the file's root element, xacro expanded; see `read_xml`."""
         return copy.deepcopy(self._root)
 
     @cached_property
@@ -125,15 +134,23 @@ def urdf_file(name: str | Path) -> Path:
 
 
 def read_robot(
-    urdf: Path, locked: Mapping[str, float], xacro_args: Mapping[str, str] | None = None
+    urdf: Path,
+    locked: Mapping[str, float],
+    xacro_args: Mapping[str, str] | None = None,
+    floating: bool = False,
 ) -> Robot:
     """Read and check a URDF; joints in `locked` are fixed at a position (rad or m) and removed.
 
+    `floating`: whether its base is free (`free_base`).
+
     Raises:
-        RobotError: not XML, not a URDF, an impossible mass, inertia or axis, an unknown joint.
+        RobotError: not XML, not a URDF, an impossible mass, inertia or axis, an unknown joint, a
+            base that floats already.
     """
     root = read_xml(urdf, xacro_args)
     check_urdf(root, urdf)
+    if floating:
+        free_base(root, urdf)
     package_dirs = mesh_folders(urdf)
     warn_of_missing_meshes(root, urdf, package_dirs)
     lock_joints(root, locked, urdf)
@@ -143,7 +160,7 @@ def read_robot(
         raise RobotError(f"{urdf}: no joint of this robot can move; there is nothing to drive")
     check_kinetic_energy(model, str(urdf))
     data = dynamics(root), reductions(root)
-    return Robot(model, urdf, package_dirs, *data, locked, xacro_args or {})
+    return Robot(model, urdf, package_dirs, *data, locked, xacro_args or {}, floating)
 
 
 def mesh_folders(urdf: Path) -> tuple[Path, ...]:
@@ -309,9 +326,10 @@ class _silent_stderr:  # noqa: N801 - used like a function
 def robot_text(robot: Robot, inertias: Mapping[str, pin.Inertia | None]) -> str:
     """Return a robot's URDF with other inertias; its meshes are named in full.
 
-    `inertias`: link -> its own, about its centre of mass; None: it has none.
+    `inertias`: link -> its own, about its centre of mass; None: it has none. Its base is the
+    file's: a scene says that it floats.
     """
-    root = robot.xml()
+    root = robot.file_xml()
     for link in root.findall("link"):
         if (name := link.attrib["name"]) in inertias:
             for old in link.findall("inertial"):

@@ -19,7 +19,7 @@ from pinfric.model.hysteresis import contradictions
 from pinfric.model.inputs import note_input
 from pinfric.model.robot import Robot, locate_urdf, mention_reductions, read_robot
 from pinfric.model.scene import Scene
-from pinfric.model.schema import Assumed, Friction, Measured, SceneFile, TableEffort
+from pinfric.model.schema import Actuator, Assumed, Friction, Measured, SceneFile, TableEffort
 from pinfric.model.yamlfile import path_of, read_yaml
 
 #: A robot that is measured at more than so many times its URDF's limit was measured in deg/s.
@@ -52,7 +52,8 @@ def load_scene(path: str | Path) -> Scene:
     entries: SceneFile = parse(SceneFile, read_yaml(file, SceneError, "pinfric"), str(file))
     try:
         of = entries.robot
-        robot = read_robot(locate_urdf(of.urdf, file.parent), of.locked, of.xacro_args)
+        urdf = locate_urdf(of.urdf, file.parent)
+        robot = read_robot(urdf, of.locked, of.xacro_args, of.floating)
     except RobotError as problem:
         raise RobotError(f"{file}: {problem}") from None
     if entries.actuators is None:
@@ -81,7 +82,7 @@ def load_scene(path: str | Path) -> Scene:
     return Scene(
         model=robot.model,
         friction=friction,
-        actuators=entries.actuators,
+        actuators=_drives(entries, robot),
         payloads=entries.robot.payloads,
         stick_velocity=entries.stick.velocity,
         robot=robot,
@@ -100,6 +101,14 @@ def load_scene(path: str | Path) -> Scene:
         sized=entries.sized,
         springs=entries.springs,
     )
+
+
+def _drives(entries: SceneFile, robot: Robot) -> list[Actuator] | None:
+    """The file's; without any, if the base is let free: one on each joint with an axis."""
+    if entries.actuators is not None or not robot.floating:
+        return entries.actuators
+    joints = list(zip(robot.model.names, robot.model.joints, strict=True))[1:]  # not the ground
+    return [Actuator(joint=name) for name, joint in joints if joint.nv == 1]
 
 
 def guesses_line(assumed: Assumed) -> str:

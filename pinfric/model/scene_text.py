@@ -18,24 +18,7 @@ def scene_content(scene: Scene, robot: Robot, folder: Path, urdf: str = "") -> d
 
     `urdf` is a file there with the robot's other inertias (`robot_with_bodies`); "": its own.
     """
-    section: dict[str, Any] = {"urdf": urdf or locator(robot.urdf, folder)}
-    section["gravity"] = scene.model.gravity.linear.tolist()
-    if robot.xacro_args and not urdf:  # the new file is xacro no more
-        section["xacro_args"] = dict(robot.xacro_args)
-    if robot.locked:
-        section["locked"] = dict(robot.locked)
-    if any(d.friction or d.damping for d in robot.dynamics.values()):
-        section["urdf_dynamics"] = "ignore"  # what counts of them stands under `friction`
-    if scene.masses is not None:
-        words: dict[bool | None, str] = {True: "with_drives", False: "without_drives"}
-        held = set(scene.masses_hold) - {None}
-        named = isinstance(scene.masses, str) or len(held) > 1 or None in scene.masses_hold
-        section["masses"] = scene.masses if named else words[held.pop()]
-    if scene.masses_confirmed:
-        section["masses_confirmed"] = True
-    if scene.payloads:
-        section["payloads"] = {name: _dump(payload) for name, payload in scene.payloads.items()}
-    content: dict[str, Any] = {"pinfric": 1, "robot": section}
+    content: dict[str, Any] = {"pinfric": 1, "robot": _robot(scene, robot, folder, urdf)}
     sites = [*scene.joint_names, *(loop.name for loop in scene.loops)]
     order = sorted(scene.friction, key=lambda name: sites.index(name) if name in sites else -1)
     content["friction"] = {name: _dump(scene.friction[name]) for name in order}
@@ -62,6 +45,30 @@ def scene_content(scene: Scene, robot: Robot, folder: Path, urdf: str = "") -> d
         if (entry := getattr(scene, name)) is not None:
             content[name] = entry.model_dump(exclude_unset=True)
     return content
+
+
+def _robot(scene: Scene, robot: Robot, folder: Path, urdf: str) -> dict[str, Any]:
+    """The section `robot`."""
+    section: dict[str, Any] = {"urdf": urdf or locator(robot.urdf, folder)}
+    if robot.floating:
+        section["floating"] = True
+    section["gravity"] = scene.model.gravity.linear.tolist()
+    if robot.xacro_args and not urdf:  # the new file is xacro no more
+        section["xacro_args"] = dict(robot.xacro_args)
+    if robot.locked:
+        section["locked"] = dict(robot.locked)
+    if any(d.friction or d.damping for d in robot.dynamics.values()):
+        section["urdf_dynamics"] = "ignore"  # what counts of them stands under `friction`
+    if scene.masses is not None:
+        words: dict[bool | None, str] = {True: "with_drives", False: "without_drives"}
+        held = set(scene.masses_hold) - {None}
+        named = isinstance(scene.masses, str) or len(held) > 1 or None in scene.masses_hold
+        section["masses"] = scene.masses if named else words[held.pop()]
+    if scene.masses_confirmed:
+        section["masses_confirmed"] = True
+    if scene.payloads:
+        section["payloads"] = {name: _dump(payload) for name, payload in scene.payloads.items()}
+    return section
 
 
 def robot_with_bodies(robot: Robot, model: pin.Model) -> str:

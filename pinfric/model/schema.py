@@ -99,6 +99,12 @@ class RobotEntry(Entry):
         {"ur_type": "ur10", "safety_limits": True},
         default_factory=dict,
     )
+    floating: bool = key(
+        "whether its base is free, as of a robot that stands on its feet: a joint `root_joint` of "
+        "six degrees of freedom, which no drive moves",
+        True,
+        default=False,
+    )
     gravity: Vector3 = key(
         "in the world's axes", [0.0, 0.0, -9.81], "m/s^2", default=(0.0, 0.0, -9.81)
     )

@@ -46,6 +46,9 @@ def robot(tmp_path, names=("left_hip", "RKnee"), root="fixed"):
     [
         (("left_hip", "RKnee"), "fixed", True),
         (("LLEG_JOINT0", "fl_foot"), "fixed", True),
+        (("left_hip_yaw_joint", "right_knee_joint"), "fixed", True),  # H1, G1
+        (("leftHipYaw", "rightKneePitch"), "fixed", True),  # Valkyrie
+        (("l_leg_hpz", "r_leg_kny"), "fixed", True),  # Atlas
         (("left_hip", "arm"), "fixed", False),
         (("chip", "knuckle"), "fixed", False),
         (("left_hip", "RKnee"), "floating", False),
@@ -59,7 +62,8 @@ def test_every_verdict_says_that_legs_hang(tmp_path, names, root, hangs):
     q = np.tile(pin.neutral(scene.model), (2, 1))
     motion = pf.Trajectory.from_arrays(scene, np.array([0.0, 1.0]), q, zero, zero)
     result = pf.inverse_dynamics(scene, motion)
-    said = "2 legs hang by the fixed base base, and carry only themselves: to let them stand, add"
+    said = "2 legs hang by the fixed base base, and carry only themselves: to let them stand, "
+    said += "write `floating: true`"
     assert (said in verdict(result, inverse_summary(result, ""))) == hangs
     if root == "fixed":
         remarks = pf.size(scene, motion, on_miss="ignore").verdict.remarks
@@ -68,7 +72,7 @@ def test_every_verdict_says_that_legs_hang(tmp_path, names, root, hangs):
 
 def test_what_is_proposed_lets_the_robot_stand(tmp_path):
     """The feet bear 7 kg: no force remains at the floating joint."""
-    model = read_robot(robot(tmp_path, root="floating"), {}).model
+    model = read_robot(robot(tmp_path), {}, floating=True).model
     drives = [{"joint": name} for name in ("left_hip", "RKnee")]
     scene = pf.Scene(model, actuators=drives)
     weight = np.array([0.0, 0.0, 3.5 * 9.81, 0.0, 0.0, 0.0])
