@@ -12,16 +12,16 @@ so little in it that f is one to one: then Newton's method finds the only one.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from pinfric.friction.dense import largest
+from pinfric.friction.dense import largest, solve_dense
 from pinfric.friction.given_modes import Reduced, keep, newton, reduce_problem
 from pinfric.friction.law import stick_limits
 from pinfric.friction.problem import Problem
 from pinfric.friction.tree import write_box
-from pinfric.kernels.compiled import kernel
+from pinfric.kernels.compiled import call_compiled, kernel
 
 #: Up to so many frictions that follow loads all solutions are found; most simplices to look at.
 MOST_COUPLED, MOST_PARTS = 6, 20_000
@@ -39,6 +39,10 @@ _ROUNDING, _FOUND, _PASSES = 1e-12, 1e-13, 40
 _UNJUST = 1e-8
 #: Error of tau, as a share of it, up to which a solution counts.
 _KNOWN = 0.5
+#: Below this spectral radius it contracts.
+_CONTRACTS = 0.99
+#: What bounds show of a simplex.
+_EMPTY, _OPEN, _SINGLE = range(3)
 
 
 class Frictions(NamedTuple):
@@ -72,12 +76,18 @@ def find_all(
     nz, reduced = reduce_problem(problem, stuck, direction, rows)
     if not 0 < nz <= MOST_COUPLED:
         return Frictions([], 0, None)
-    rays = _Rays(reduced)
-    if obey is not None:
-        rays.laws = _Laws(problem, stuck, direction, obey, rays.friction(reduced.X))
-    roots, parts, complete = rays.search()
-    solutions = [reduced.X[:, 0] + reduced.X[:, 1:] @ z for z in roots]
-    return Frictions(solutions, parts, complete)
+    rays, X = _rays_of(reduced)
+    laws, roots = _laws_of(problem, stuck, direction, obey, X), np.empty((MOST_PARTS, 1 + nz))
+    found, parts, complete = call_compiled(look_everywhere, rays, laws, MOST_PARTS, roots)
+    return Frictions([X @ u / u[0] for u in roots[:found]], parts, complete)
+
+
+def kernel_of_simplices() -> tuple[Any, tuple[Any, ...]]:
+    """Return the kernel that Python calls in `find_all`, with arguments of its types."""
+    line, rows, forces = np.empty(0), np.empty((0, 0)), np.empty((0, 3, 0))
+    places = np.empty(0, np.int64)
+    laws = _Laws(rows, rows, rows, rows, places, forces)
+    return look_everywhere, (_Rays(line, places, line, forces), laws, 0, rows)
 
 
 @kernel
@@ -124,218 +134,413 @@ def distinct(frictions: np.ndarray) -> list[np.ndarray]:
     return kept
 
 
-class _Laws:
+class _Laws(NamedTuple):
     """What frictions x = X u of modes have to obey, as functions of u.
 
-    Args:
-        problem, stuck, direction, obey: see `find_all`. X: (nc, 1 + nz).
+    Attributes:
+        room, noise: (m, 1 + nz) rates along the slip and room in the box, which obey where they are
+            not negative; what rounding may leave of them.
+        x: (n, 1 + nz) friction of coordinates that stick. limit: (n, 2) without contact forces, of
+            x > 0 and of x < 0.
+        owner: (nt,) whose limit a contact force is part of. contact: (nt, 3, 1 + nz) the force.
     """
 
-    def __init__(
-        self,
-        problem: Problem,
-        stuck: np.ndarray,
-        direction: np.ndarray,
-        obey: np.ndarray,
-        X: np.ndarray,
-    ) -> None:
-        R, first = problem.rate_slope, np.eye(1, X.shape[1])
-        way = np.where(obey & ~stuck, direction, 0.0)
-        moves = np.flatnonzero(way)
-        rate = problem.rate_free[:, None] * first + R @ X
-        terms = problem.rate_scale[:, None] * first + np.abs(R) @ np.abs(X)
-        middle, box = np.empty((2, len(stuck)))
-        write_box(problem, obey, direction, middle, box)
-        boxed = np.flatnonzero(box < np.inf)
-        centred = X[boxed] - middle[boxed, None] * first
-        reach, size = (
-            box[boxed, None] * first,
-            np.abs(X[boxed]) + np.abs(middle)[boxed, None] * first,
-        )
-        #: (m, 1 + nz) rates along the slip and room in the box; what rounding may leave of them
-        self.room = np.vstack([way[moves, None] * rate[moves], reach - centred, reach + centred])
-        self.noise = _UNJUST * np.vstack([terms[moves], size + reach, size + reach])
-        held = obey & stuck
-        held[problem.gear_coordinate] = False  # what they hold is no limit
-        self.held = np.flatnonzero(held)
-        below, above = np.empty((2, len(stuck)))
-        stick_limits(problem, problem.constant, below, above)
-        owner, grip = problem.coordinate[problem.contact_entry], problem.grip[problem.contact_entry]
-        here = np.flatnonzero(held[owner] & (grip > 0.0))
-        whole = np.concatenate([first, X])
-        self.x, self.above, self.below = X[self.held], above[self.held], -below[self.held]
-        #: (nt, 3, 1 + nz) contact forces times grip; (n, nt) whose limit they are part of
-        self.contact = np.einsum("tje,ju->teu", problem.contact[here], whole)
-        self.contact *= grip[here, None, None]
-        self.owner = (self.held[:, None] == owner[here]).astype(float)
-
-    def are_broken(self, V: np.ndarray) -> np.ndarray:
-        """(k,) bool: whether one is, all over a simplex (k, 1 + nz, 1 + nz), corners in columns.
-
-        Rates are linear, and friction less its limit is concave: corners bound both.
-        """
-        against = (self.room @ V < -(self.noise @ V)).all(axis=2).any(axis=1)
-        k, n, m = V.shape
-        forces = (self.contact.reshape(-1, n) @ V).reshape(k, len(self.contact), 3, m)
-        loads, x = self.owner @ np.linalg.norm(forces, axis=2), self.x @ V
-        loads, tau = loads * (1.0 + _UNJUST), V[:, None, 0] * (1.0 + _UNJUST)
-        over = (x > loads + self.above[:, None] * tau).all(axis=2)
-        over |= (-x > loads + self.below[:, None] * tau).all(axis=2)
-        return np.asarray(against | over.any(axis=1))
+    room: np.ndarray
+    noise: np.ndarray
+    x: np.ndarray
+    limit: np.ndarray
+    owner: np.ndarray
+    contact: np.ndarray
 
 
-class _Rays:
-    """The equations f(u) = 0 of the module's text, y scaled by its size at rest.
+def _laws_of(
+    problem: Problem,
+    stuck: np.ndarray,
+    direction: np.ndarray,
+    obey: np.ndarray | None,
+    X: np.ndarray,
+) -> _Laws:
+    """Return the laws of coordinates that have to obey; see `find_all` and `_rays_of`."""
+    if obey is None:
+        line = np.empty((0, X.shape[1]))
+        none = np.empty((0, 2)), np.empty(0, np.int64), np.empty((0, 3, X.shape[1]))
+        return _Laws(line, line, line, *none)
+    R, first = problem.rate_slope, np.eye(1, X.shape[1])
+    way = np.where(obey & ~stuck, direction, 0.0)
+    moves = np.flatnonzero(way)
+    rate = problem.rate_free[:, None] * first + R @ X
+    terms = problem.rate_scale[:, None] * first + np.abs(R) @ np.abs(X)
+    middle, box = np.empty((2, len(stuck)))
+    write_box(problem, obey, direction, middle, box)
+    boxed = np.flatnonzero(box < np.inf)
+    centred = X[boxed] - middle[boxed, None] * first
+    reach = box[boxed, None] * first
+    size = np.abs(X[boxed]) + np.abs(middle)[boxed, None] * first + reach
+    held = obey & stuck
+    held[problem.gear_coordinate] = False  # what they hold is no limit
+    below, above = np.empty((2, len(stuck)))
+    stick_limits(problem, problem.constant, below, above)
+    owner, grip = problem.coordinate[problem.contact_entry], problem.grip[problem.contact_entry]
+    here = np.flatnonzero(held[owner] & (grip > 0.0))
+    contact = np.einsum("tje,ju->teu", problem.contact[here], np.concatenate([first, X]))
+    place = np.cumsum(held) - 1
+    return _Laws(
+        np.vstack([way[moves, None] * rate[moves], reach - centred, reach + centred]),
+        _UNJUST * np.vstack([terms[moves], size, size]),
+        X[held],
+        np.stack([above[held], -below[held]], axis=1),
+        place[owner[here]],
+        np.ascontiguousarray(contact * grip[here, None, None]),
+    )
+
+
+class _Rays(NamedTuple):
+    """The equations f(u) = 0 of the module's text, y in parts of its size at rest.
 
     Attributes:
-        laws: that what is looked for has to obey, too; None: none.
+        scale: (nz,) those sizes.
+        place, gain: (nt,) of each contact force: whose friction it is part of, and how much.
+        contact: (nt, 3, 1 + nz) the forces by u.
     """
 
-    laws: _Laws | None = None
+    scale: np.ndarray
+    place: np.ndarray
+    gain: np.ndarray
+    contact: np.ndarray
 
-    def __init__(self, reduced: Reduced) -> None:
-        _, _, offset, place, gain, contact = reduced
-        nz = len(offset)
-        self.sign, self.offset = np.zeros(nz), offset
-        self.sign[place] = np.sign(gain)
-        self.owner = np.zeros((nz, len(gain)))
-        self.owner[place, np.arange(len(gain))] = np.abs(gain)
-        first = contact[:, 0] + np.einsum("tje,j->te", contact[:, 1:], offset)
-        size = self.owner @ np.linalg.norm(first, axis=1)
-        self.scale = np.maximum(size, 1e-3 * size.max(initial=1e-300))
-        along = contact[:, 1:] * (self.sign * self.scale)[:, None]
-        self.P = np.concatenate([first[:, None], along], axis=1).transpose(0, 2, 1)
-        self.select = np.eye(1 + nz)[1:] * self.scale[:, None]  # y of u
 
-    def friction(self, X: np.ndarray) -> np.ndarray:
-        """Return x (nc, 1 + nz) as a map of u, from X (nc, 1 + nz) as a map of (1, z)."""
-        along = X[:, 1:] @ (self.sign[:, None] * self.select)
-        along[:, 0] += X[:, 0] + X[:, 1:] @ self.offset
-        return np.asarray(along)
+def _rays_of(reduced: Reduced) -> tuple[_Rays, np.ndarray]:
+    """Return the equations, and X (nc, 1 + nz) of friction x = X u / tau."""
+    _, X, offset, place, gain, contact = reduced
+    sign, size, gains = np.zeros(len(offset)), np.zeros(len(offset)), np.abs(gain)
+    sign[place] = np.sign(gain)
+    first = contact[:, 0] + np.einsum("tje,j->te", contact[:, 1:], offset)
+    np.add.at(size, place, gains * np.linalg.norm(first, axis=1))
+    scale = np.maximum(size, 1e-3 * size.max(initial=1e-300))
+    along = contact[:, 1:] * (sign * scale)[:, None]
+    forces = np.concatenate([first[:, None], along], axis=1).transpose(0, 2, 1)
+    rays = _Rays(scale, place, gains, np.ascontiguousarray(forces))
+    return rays, np.column_stack([X[:, 0] + X[:, 1:] @ offset, X[:, 1:] * (sign * scale)])
 
-    def forces(self, U: np.ndarray) -> np.ndarray:
-        """Return the contact forces (k, nt, 3, m) at points U (k, 1 + nz, m)."""
-        k, n, m = U.shape
-        return (self.P.reshape(-1, n) @ U).reshape(k, len(self.P), 3, m)
 
-    def values(self, U: np.ndarray) -> np.ndarray:
-        """Return f (k, nz, m) at points U (k, 1 + nz, m)."""
-        sizes = np.linalg.norm(self.forces(U), axis=2)
-        return np.asarray(self.select @ U - self.owner @ sizes)
+class _Points(NamedTuple):
+    """Corners of simplices, each computed once.
 
-    def slopes(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """df/du (k, nz, 1 + nz) at u (k, 1 + nz), and the directions (k, nt, 3) of the forces."""
-        p = self.forces(u[:, :, None])[..., 0]
-        size = np.linalg.norm(p, axis=2, keepdims=True)
-        e = p / np.where(size > 0.0, size, 1.0)
-        return self.select - self.owner @ np.einsum("kte,tej->ktj", e, self.P), e
+    Attributes:
+        u: (n, 1 + nz). force: (n, nt, 3) contact forces. f: (n, nz).
+        size: (n, nz) of the terms of f. broken: (n, m + 2 k) bool, laws.
+    """
 
-    def search(self) -> tuple[list[np.ndarray], int, bool]:
-        """All solutions z, the simplices looked at, and whether these were enough."""
-        solutions: list[np.ndarray] = []
-        waiting, parts, complete = np.eye(1 + len(self.scale))[None], 0, True
-        while len(waiting) and complete:
-            V, waiting = waiting[-_AT_ONCE:], waiting[:-_AT_ONCE]  # corners are columns
-            parts += len(V)
-            if parts > MOST_PARTS:
-                return self._frictions(solutions), parts, False
-            if self.laws is not None:
-                V = V[~self.laws.are_broken(V)]
-            V = V[~self._are_empty(V)]
-            small = np.abs(V - V[:, :, :1]).max(axis=(1, 2)) < _SMALL
-            cut = ~small
-            for k in np.flatnonzero(self._are_single(V) | small):
-                done = any(self._inside(V[k], u) for u in solutions)
-                u = None if done else self._newton(V[k].mean(axis=1))
-                if u is not None and u[0] > 0.0:
-                    if all(np.abs(u - other).max() > _DISTINCT for other in solutions):
-                        solutions.append(u)
-                    done = self._inside(V[k], u)
-                cut[k] &= not done
-                near = any(np.abs(u - V[k, :, 0]).max() < 10.0 * _SMALL for u in solutions)
-                complete &= done or near or not small[k]
-            waiting = np.concatenate([waiting, _halves(V[cut])])
-        return self._frictions(solutions), parts, complete
+    u: np.ndarray
+    force: np.ndarray
+    f: np.ndarray
+    size: np.ndarray
+    broken: np.ndarray
 
-    def _frictions(self, solutions: list[np.ndarray]) -> list[np.ndarray]:
-        return [self.offset + self.sign * (self.select @ u) / u[0] for u in solutions]
 
-    def _are_empty(self, V: np.ndarray) -> np.ndarray:
-        """(k,) bool: whether bounds of f show that no solution is in a simplex."""
-        F = self.values(V)
-        J, _ = self.slopes(V.mean(axis=2))
-        over = J @ V
-        slack = _ROUNDING * (np.abs(self.select @ V) + np.abs(F)).max(axis=2)
-        empty = (F.min(axis=2) > slack) | (over.max(axis=2) < -slack)
-        W = _inverses(J @ (V[:, :, 1:] - V[:, :, :1]))
-        rounding = (np.abs(W) @ slack[:, :, None])[:, :, 0]
-        low = np.maximum(W, 0.0) @ F + np.minimum(W, 0.0) @ over
-        high = np.maximum(W, 0.0) @ over + np.minimum(W, 0.0) @ F
-        empty |= (low.min(axis=2) > rounding) | (high.max(axis=2) < -rounding)
-        return np.asarray(empty.any(axis=1))
+@kernel
+def look_everywhere(  # noqa: C901
+    rays: _Rays, laws: _Laws, most: int, solutions: np.ndarray
+) -> tuple[int, int, bool]:
+    """Write all solutions u; return their number, that of simplices, and whether these were enough.
 
-    def _are_single(self, V: np.ndarray) -> np.ndarray:
-        """(k,) bool: whether f is one to one in a simplex: forces keep their directions, nearly."""
-        J, e = self.slopes(V.mean(axis=2))
-        p = self.forces(V)
-        size = np.linalg.norm(p, axis=2)
-        along = np.einsum("kte,ktem->ktm", e, p) / np.where(size > 0.0, size, np.inf)
-        least = along.min(axis=2)
-        turn = np.sqrt(np.maximum(2.0 - 2.0 * least, 0.0))  # how far |e - e'| goes
-        D = V[:, :, 1:] - V[:, :, :1]
-        E = self.owner @ (turn[:, :, None] * np.linalg.norm(self.forces(D), axis=2))
-        A = np.abs(_inverses(J @ D)) @ E
-        single = (least > 0.0).all(axis=1) & np.isfinite(A).all(axis=(1, 2))  # a cone
-        single[single] = np.abs(np.linalg.eigvals(A[single])).max(axis=1) < 0.99
-        return np.asarray(single)
+    Args:
+        rays, laws: `_Rays`, `_Laws`.
+        most: simplices. solutions: (>= most, 1 + nz), overwritten.
+    """
+    n, nt = 1 + rays.scale.size, rays.gain.size
+    room = most + n
+    points = _Points(
+        np.zeros((room, n)),
+        np.empty((room, nt, 3)),
+        np.empty((room, n - 1)),
+        np.empty((room, n - 1)),
+        np.empty((room, laws.room.shape[0] + 2 * laws.x.shape[0]), np.bool_),
+    )
+    waiting, cut = np.empty((most + 2 * _AT_ONCE, n), np.int64), np.empty((_AT_ONCE, n), np.int64)
+    for i in range(n):
+        points.u[i, i] = 1.0
+        waiting[0, i] = i
+        _write_point(rays, laws, points, i)
+    left, known, found, parts, complete = 1, n, 0, 0, True
+    u = np.empty(n)
+    while left > 0 and complete:
+        first = max(0, left - _AT_ONCE)
+        parts += left - first
+        if parts > most:
+            return found, parts, False
+        cuts = 0
+        for k in range(first, left):
+            corners = waiting[k]
+            outcome = _examine(rays, points, corners)
+            if outcome == _EMPTY:
+                continue
+            small, done, near = True, False, False
+            for j in range(1, n):
+                for i in range(n):
+                    gap = abs(points.u[corners[j], i] - points.u[corners[0], i])
+                    small &= gap < _SMALL
+            if outcome == _SINGLE or small:
+                for j in range(found):
+                    done |= _is_inside(points, corners, solutions[j])
+                if not done:
+                    for i in range(n):
+                        u[i] = 0.0
+                        for j in range(n):
+                            u[i] += points.u[corners[j], i] / n
+                    if _newton(rays, u) and u[0] > 0.0:
+                        new = True
+                        for j in range(found):
+                            apart = 0.0
+                            for i in range(n):
+                                apart = max(apart, abs(u[i] - solutions[j, i]))
+                            new &= apart > _DISTINCT
+                        if new:
+                            for i in range(n):
+                                solutions[found, i] = u[i]
+                            found += 1
+                        done = _is_inside(points, corners, u)
+                for j in range(found):
+                    apart = 0.0
+                    for i in range(n):
+                        apart = max(apart, abs(solutions[j, i] - points.u[corners[0], i]))
+                    near |= apart < 10.0 * _SMALL
+                complete &= done or near or not small
+            if not (small or done):
+                for i in range(n):
+                    cut[cuts, i] = corners[i]
+                cuts += 1
+        left = first + 2 * cuts
+        for k in range(cuts):
+            i, j = _longest_edge(points, cut[k])
+            for e in range(n):
+                points.u[known, e] = 0.5 * (points.u[cut[k, i], e] + points.u[cut[k, j], e])
+                waiting[first + k, e] = waiting[first + cuts + k, e] = cut[k, e]
+            waiting[first + k, i] = waiting[first + cuts + k, j] = known
+            _write_point(rays, laws, points, known)
+            known += 1
+    return found, parts, complete
 
-    def _inside(self, V: np.ndarray, u: np.ndarray) -> bool:
-        """Whether a point is in the simplex."""
-        try:
-            return bool((np.linalg.solve(V, u) >= -1e-9).all())
-        except np.linalg.LinAlgError:
+
+@kernel
+def _write_point(rays: _Rays, laws: _Laws, points: _Points, c: int) -> None:
+    """Write what a corner c, at `points.u[c]`, adds to bounds."""
+    u, f, broken, n = points.u[c], points.f[c], points.broken[c], points.u.shape[1]
+    # 1. the equations
+    for k in range(n - 1):
+        f[k] = rays.scale[k] * u[1 + k]
+        points.size[c, k] = abs(f[k])
+    for t in range(rays.gain.size):
+        f[rays.place[t]] -= rays.gain[t] * _write_force(rays.contact[t], u, points.force[c, t])
+    for k in range(n - 1):
+        points.size[c, k] += abs(f[k])
+    # 2. the laws: rates are linear, and friction less its limit is concave
+    for r in range(laws.room.shape[0]):
+        room = noise = 0.0
+        for i in range(n):
+            room += laws.room[r, i] * u[i]
+            noise += laws.noise[r, i] * u[i]
+        broken[r] = room < -noise
+    load, p = np.zeros(laws.x.shape[0]), np.empty(3)
+    for t in range(laws.owner.size):
+        load[laws.owner[t]] += _write_force(laws.contact[t], u, p)
+    for k in range(load.size):
+        x, row = 0.0, laws.room.shape[0] + 2 * k
+        for i in range(n):
+            x += laws.x[k, i] * u[i]
+        for side in range(2):
+            most = (load[k] + laws.limit[k, side] * u[0]) * (1.0 + _UNJUST)
+            broken[row + side] = (x if side == 0 else -x) > most
+
+
+@kernel
+def _write_force(contact: np.ndarray, u: np.ndarray, p: np.ndarray) -> float:
+    """Write a force (3,) at u from its map (3, 1 + nz); return its size."""
+    square = 0.0
+    for e in range(3):
+        p[e] = 0.0
+        for i in range(u.size):
+            p[e] += contact[e, i] * u[i]
+        square += p[e] * p[e]
+    return float(np.sqrt(square))
+
+
+@kernel
+def _write_slopes(rays: _Rays, e: np.ndarray, J: np.ndarray) -> None:
+    """Write J = df/du (nz, 1 + nz) where forces are e (nt, 3); make these their directions."""
+    for k in range(rays.scale.size):
+        for j in range(J.shape[1]):
+            J[k, j] = rays.scale[k] if j == 1 + k else 0.0
+    for t in range(rays.gain.size):
+        size = np.sqrt(e[t, 0] * e[t, 0] + e[t, 1] * e[t, 1] + e[t, 2] * e[t, 2])
+        for c in range(3 if size > 0.0 else 0):
+            e[t, c] /= size
+        for j in range(J.shape[1]):
+            along = 0.0
+            for c in range(3):
+                along += e[t, c] * rays.contact[t, c, j]
+            J[rays.place[t], j] -= rays.gain[t] * along
+
+
+@kernel
+def _examine(rays: _Rays, points: _Points, corners: np.ndarray) -> int:  # noqa: C901
+    """Return what bounds of f show of a simplex with these corners (1 + nz,).
+
+    `_EMPTY`: there is no solution. `_SINGLE`: f is one to one, as forces keep their directions,
+    nearly. Else `_OPEN`.
+    """
+    n, nz, nt = corners.size, corners.size - 1, rays.gain.size
+    # 1. a law that all corners break
+    for r in range(points.broken.shape[1]):
+        i = 0
+        while i < n and points.broken[corners[i], r]:
+            i += 1
+        if i == n:
+            return _EMPTY
+    # 2. f_k is at least what it is at a corner, and at most its tangent in the middle
+    e, J, over, slack = np.zeros((nt, 3)), np.empty((nz, n)), np.empty((nz, n)), np.zeros(nz)
+    for t in range(nt):
+        for j in range(n):
+            for c in range(3):
+                e[t, c] += points.force[corners[j], t, c] / n
+    _write_slopes(rays, e, J)
+    for k in range(nz):
+        least, most = np.inf, -np.inf
+        for j in range(n):
+            over[k, j] = 0.0
+            for i in range(n):
+                over[k, j] += J[k, i] * points.u[corners[j], i]
+            least, most = min(least, points.f[corners[j], k]), max(most, over[k, j])
+            slack[k] = max(slack[k], _ROUNDING * points.size[corners[j], k])
+        if least > slack[k] or most < -slack[k]:
+            return _EMPTY
+    # 3. the same of W f, W the inverse of f's slopes along the edges
+    A, W, size = np.zeros((nz, nz)), np.zeros((nz, nz)), 0.0
+    for k in range(nz):
+        W[k, k] = 1.0
+        for j in range(nz):
+            for i in range(n):
+                A[k, j] += J[k, i] * (points.u[corners[1 + j], i] - points.u[corners[0], i])
+    if not solve_dense(A, W):
+        return _OPEN
+    for k in range(nz):
+        for i in range(nz):
+            size += abs(W[k, i])
+    if not size < np.inf:
+        return _OPEN
+    for k in range(nz):
+        least, most, rounding = np.inf, -np.inf, 0.0
+        for i in range(nz):
+            rounding += abs(W[k, i]) * slack[i]
+        for j in range(n):
+            low = high = 0.0
+            for i in range(nz):
+                f = points.f[corners[j], i]
+                low += W[k, i] * (f if W[k, i] > 0.0 else over[i, j])
+                high += W[k, i] * (over[i, j] if W[k, i] > 0.0 else f)
+            least, most = min(least, low), max(most, high)
+        if least > rounding or most < -rounding:
+            return _EMPTY
+    # 4. how far directions turn
+    E = np.zeros((nz, nz))
+    for t in range(nt):
+        least = np.inf
+        for j in range(n):
+            p = points.force[corners[j], t]
+            size = np.sqrt(p[0] * p[0] + p[1] * p[1] + p[2] * p[2])
+            along = e[t, 0] * p[0] + e[t, 1] * p[1] + e[t, 2] * p[2]
+            least = min(least, along / size if size > 0.0 else 0.0)
+        if not least > 0.0:
+            return _OPEN
+        turn = np.sqrt(max(2.0 - 2.0 * least, 0.0))  # how far |e - e'| goes
+        for j in range(nz):
+            square = 0.0
+            for c in range(3):
+                gap = points.force[corners[1 + j], t, c] - points.force[corners[0], t, c]
+                square += gap * gap
+            E[rays.place[t], j] += rays.gain[t] * turn * np.sqrt(square)
+    # 5. |W| E has a spectral radius below one: 1 - |W| E has positive pivots only
+    for k in range(nz):
+        for j in range(nz):
+            A[k, j] = _CONTRACTS if k == j else 0.0
+            for i in range(nz):
+                A[k, j] -= abs(W[k, i]) * E[i, j]
+    for k in range(nz):
+        if not A[k, k] > 0.0:
+            return _OPEN
+        for i in range(k + 1, nz):
+            factor = A[i, k] / A[k, k]
+            for j in range(k + 1, nz):
+                A[i, j] -= factor * A[k, j]
+    return _SINGLE
+
+
+@kernel
+def _is_inside(points: _Points, corners: np.ndarray, u: np.ndarray) -> bool:
+    """Return whether a point (1 + nz,) is in a simplex."""
+    n, least = corners.size, np.inf
+    V, share = np.empty((n, n)), np.empty((n, 1))
+    for i in range(n):
+        share[i, 0] = u[i]
+        for j in range(n):
+            V[i, j] = points.u[corners[j], i]
+    if not solve_dense(V, share):
+        return False
+    for i in range(n):
+        least = min(least, share[i, 0])
+    return least >= -1e-9
+
+
+@kernel
+def _newton(rays: _Rays, u: np.ndarray) -> bool:
+    """Bring a point (1 + nz,) to a solution near it; False: there is none.
+
+    So it is where rounding of f could move it to tau = 0: a solution at infinity.
+    """
+    n, nt = u.size, rays.gain.size
+    f, e, J = np.empty(n - 1), np.empty((nt, 3)), np.empty((n - 1, n))
+    A, inverse = np.empty((n, n)), np.empty((n, n))
+    for _ in range(_PASSES):
+        most = rounding = 0.0
+        for k in range(n - 1):
+            f[k] = rays.scale[k] * u[1 + k]
+            rounding = max(rounding, _FOUND * (7 + n) * abs(f[k]))
+        for t in range(nt):
+            f[rays.place[t]] -= rays.gain[t] * _write_force(rays.contact[t], u, e[t])
+        _write_slopes(rays, e, J)
+        for k in range(n):
+            most = max(most, abs(f[k]) if k < n - 1 else 0.0)
+            for j in range(n):
+                A[k, j] = J[k, j] if k < n - 1 else 1.0
+                inverse[k, j] = 1.0 if k == j else 0.0
+        if not solve_dense(A, inverse):
             return False
-
-    def _newton(self, u: np.ndarray) -> np.ndarray | None:
-        """A solution from a point on; None where none is near.
-
-        None, too, where rounding of f could move it to tau = 0: a solution at infinity.
-        """
-        for _ in range(_PASSES):
-            f = self.values(u[None, :, None])[0, :, 0]
-            rounding = _FOUND * (8 + len(f)) * np.abs(self.select @ u).max()
-            try:
-                inverse = np.linalg.inv(np.vstack([self.slopes(u[None])[0][0], np.ones(len(u))]))
-            except np.linalg.LinAlgError:
-                return None
-            if np.abs(f).max() <= rounding:
-                far = np.abs(inverse[0, :-1]).sum() * rounding > _KNOWN * u[0]
-                return None if far else u / u.sum()
-            u = u - inverse[:, :-1] @ f
-            if not np.isfinite(u).all() or (u < -1.0).any():
-                return None
-        return None
+        if most <= rounding:
+            far = total = 0.0
+            for i in range(n):
+                far += abs(inverse[0, i]) * rounding if i < n - 1 else 0.0
+                total += u[i]
+            for i in range(n):
+                u[i] /= total
+            return far <= _KNOWN * u[0] * total
+        for i in range(n):
+            for k in range(n - 1):
+                u[i] -= inverse[i, k] * f[k]
+            if not abs(u[i]) < np.inf or u[i] < -1.0:
+                return False
+    return False
 
 
-def _inverses(A: np.ndarray) -> np.ndarray:
-    """The inverses of matrices (k, n, n); not a number where there is none."""
-    try:
-        W = np.linalg.inv(A)
-        W[~np.isfinite(W).all(axis=(1, 2))] = np.nan
-        return W
-    except np.linalg.LinAlgError:
-        if len(A) == 1:
-            return np.full_like(A, np.nan)
-        middle = len(A) // 2
-        return np.concatenate([_inverses(A[:middle]), _inverses(A[middle:])])
-
-
-def _halves(V: np.ndarray) -> np.ndarray:
-    """The two halves of each simplex (k, n, n), cut at the middle of its longest edge."""
-    k, n, _ = V.shape
-    gaps = np.linalg.norm(V[:, :, :, None] - V[:, :, None, :], axis=1)
-    i, j = np.unravel_index(gaps.reshape(k, n * n).argmax(axis=1), (n, n))
-    each, halves = np.arange(k), np.concatenate([V, V])
-    middle = 0.5 * (V[each, :, i] + V[each, :, j])
-    halves[each, :, i] = halves[k + each, :, j] = middle
-    return halves
+@kernel
+def _longest_edge(points: _Points, corners: np.ndarray) -> tuple[int, int]:
+    """Return the places of the corners between which a simplex is longest."""
+    longest, first, second = -1.0, 0, 0
+    for i in range(corners.size):
+        for j in range(i + 1, corners.size):
+            square = 0.0
+            for e in range(corners.size):
+                gap = points.u[corners[i], e] - points.u[corners[j], e]
+                square += gap * gap
+            if np.sqrt(square) > longest:  # as the root: equal lengths are
+                longest, first, second = np.sqrt(square), i, j
+    return first, second

@@ -42,6 +42,7 @@ from pinfric.friction.minimax import least_violation
 from pinfric.friction.problem import GivenModes, Modes, Problem, SearchOutcome
 from pinfric.friction.rest import Mechanism, solve_modes
 from pinfric.friction.search import SearchStatistics, search, solve_given
+from pinfric.friction.several import kernel_of_simplices
 from pinfric.friction.tree import kernels_of_tree
 from pinfric.kernels.compiled import KernelArgument, compile_for, compiling, entry_point
 from pinfric.kernels.late import compile_late
@@ -523,6 +524,7 @@ def _kernels_of_search(problem: Problem, modes: Modes) -> list[tuple[Any, tuple[
         (add_load_slopes, (problem.contact, problem.coordinate, line, line, empty)),
         (reduce_problem, (problem, modes.stuck, modes.direction, rows)),
         (least_violation, (empty, line, line, 0, 0.0, line)),
+        kernel_of_simplices(),
     ]
 
 
