@@ -9,8 +9,10 @@ from __future__ import annotations
 import datetime
 import json
 import math
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -23,8 +25,9 @@ from pinfric.checking.estimated_masses import estimated_masses
 from pinfric.checking.joint_loads import JointLoad, held_out_level, joint_loads, two_digits
 from pinfric.checking.robot import RobotFacts
 from pinfric.checking.robot_masses import believed_weight
-from pinfric.errors import PinfricError, RobotError, choose_from
+from pinfric.errors import PinfricError, PinfricWarning, RobotError, choose_from
 from pinfric.formats import json_schema
+from pinfric.model.closure import closed_configurations, driving_joints
 from pinfric.model.files import file_hash, write_folder
 from pinfric.model.massless import massless_joints
 from pinfric.model.robot import Robot, link_frame, locator, read_robot, robot_text, urdf_file
@@ -33,7 +36,7 @@ from pinfric.model.schema import Payload
 from pinfric.model.urdf import UrdfDynamics
 from pinfric.model.yamlfile import yaml_line
 from pinfric.motions.followers import Follower, find_followers
-from pinfric.motions.joint_columns import JointColumn, joint_columns
+from pinfric.motions.joint_columns import JointColumn, joint_columns, single_positions
 from pinfric.motions.rating import rate
 
 #: Shear stress (Pa) that sizes a shaft for its torque, and its bearings' diameter over its own.
@@ -57,6 +60,15 @@ DRIVES = {
 _STATIC, _FASTEST, _FASTEST_SLIDING = 1.2, 3.0, 1.0
 #: Rolling bearings: mu of catalogues (SKF 0.0015-0.0030) and, at rest, 1.5 times that.
 _MU = {"static": 0.003, "kinetic": 0.002}
+
+
+@dataclass(frozen=True)
+class Closed:
+    """A robot whose file closes loops: its scene, a closed configuration (nq,), joints to drive."""
+
+    scene: Scene
+    q: np.ndarray
+    driven: tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -119,6 +131,24 @@ class Begun:
         """Of its files; of arm.urdf.xacro "arm"."""
         return self.urdf.stem.removesuffix(".urdf")
 
+    @cached_property
+    def closed(self) -> Closed | None:
+        """How the loops of its file close; None without loops.
+
+        Raises:
+            SceneError: they cannot close.
+        """
+        if not (loops := self.robot.closures.loops):
+            return None
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", PinfricWarning)  # said where the scene is loaded
+            scene = Scene(self.robot.model, loops=loops, source=str(self.urdf))
+        twin, linkage = scene.twin(), scene.linkage
+        assert linkage is not None
+        start = scene.start_configuration
+        q = closed_configurations(twin, linkage, start, scene.source, {}, wanted=1)[0]
+        return Closed(scene, q, driving_joints(twin, linkage, q))
+
     @property
     def weight(self) -> float | None:
         """Torque (N m) that holds the robot stretched out level; None where its masses are
@@ -155,6 +185,14 @@ def new_scene(
         for joint in joints
         if joint.degrees == 1 and (joint.leader or joint.name) not in massless
     }
+    closed = begun.closed
+    if closed is not None:  # what no drive moves has neither gear nor motor
+        guesses = {
+            name: guessed
+            if name in closed.driven
+            else {key: guessed[key] for key in ("bearing", "mu")}
+            for name, guessed in guesses.items()
+        }
     rejected = [joint for joint in joints if joint.remark]
     mass = sum(inertia.mass for inertia in tuple(robot.model.inertias)[1:])  # 0 is the ground
     bodies = [frame.name for frame in robot.model.frames if frame.type == pin.FrameType.BODY]
@@ -187,8 +225,8 @@ def new_scene(
         *_payload_section(payloads, bodies[-1]),
         "friction:" if guesses else "friction: {}",
         *[line for j in joints for line in _joint_section(j, guesses, robot.dynamics)],
-        *_loops_section(robot.model),
-        *_actuators_section(robot),
+        *(_loops_section(robot.model) if closed is None else _file_loops_section(closed)),
+        *_actuators_section(robot, None if closed is None else closed.driven),
         # what `pinfric simulate` runs
         *(
             [
@@ -233,6 +271,11 @@ def new_waypoints(begun: Begun) -> str:
     followers = find_followers(SimpleNamespace(robot=robot, model=robot.model), columns)
     columns = tuple(_followed(column, followers) for column in columns)
     start = [_start(column) for column in columns]
+    if (closed := begun.closed) is not None:  # the loops move the other joints
+        q = single_positions(closed.q[None], [column.nq for column in columns])[0]
+        moved = [i for i, column in enumerate(columns) if column.name in closed.driven]
+        columns = tuple(columns[i] for i in moved)
+        start = [_rounded(float(q[i]), c) for i, c in zip(moved, columns, strict=True)]
     end = [_end(column, at) for column, at in zip(columns, start, strict=True)]
     names = ", ".join(yaml_line(column.name, within=True) for column in columns)
     there, back, name = _numbers(end), _numbers(start), begun.urdf.name
@@ -269,7 +312,8 @@ def new_rating(
     Raises:
         TrajectoryError: see `rate`.
     """
-    scene = Scene(begun.robot.model, robot=begun.robot, source=str(begun.urdf))
+    loops = begun.robot.closures.loops
+    scene = Scene(begun.robot.model, robot=begun.robot, source=str(begun.urdf), loops=loops)
     rated = rate(scene, {"payload": payload, **({} if link is None else {"link": link})})
     return dict(rated.scene.payloads), (
         f"# What {begun.urdf.name} is rated for, as a motion: {payload:g} kg, held in the worst "
@@ -396,7 +440,7 @@ def _joint_section(
     for key, (value, why) in guesses[joint.name].items():
         urdf = f"; <dynamics>: {stated[key]:g}" if stated.get(key) else ""
         lines.append(f"    {key}: {value}  # guess: {why}{urdf}")
-    if joint.leader is None:
+    if joint.leader is None and "coulomb" in guesses[joint.name]:
         lines.append("    includes_drive: true  # `size` replaces both by its candidates' losses")
     return lines
 
@@ -477,9 +521,31 @@ def _loops_section(model: pin.Model) -> list[str]:
     ]
 
 
-def _actuators_section(robot: Robot) -> list[str]:
-    """List the drives with the URDF's ratios; a comment if it gives none."""
+def _file_loops_section(closed: Closed) -> list[str]:
+    """Say which loops the file closes, and near which start."""
+    names = ", ".join(yaml_line(loop.name) for loop in closed.scene.loops)
+    return [
+        f"# loops:                       # those of the robot's file are closed: {names}",
+        "#                              # one given here replaces that of its name",
+    ]
+
+
+def _actuators_section(robot: Robot, driven: Sequence[str] | None) -> list[str]:
+    """List the drives with the URDF's ratios; a comment if it gives none.
+
+    `driven`: joints whose drives move a mechanism with loops.
+    """
     single = [name for name, nv in zip(robot.model.names, robot.model.nvs, strict=True) if nv == 1]
+    if driven is not None:
+        lines = [
+            "actuators:                     # guess: the loops leave so many free; drive others if "
+            "others have motors"
+        ]
+        for name in driven:
+            ratio = robot.gears.get(name)
+            gear = "" if ratio is None else f", transmission: {{ratio: {_short(ratio, 12)}}}"
+            lines.append(f"  - {{joint: {yaml_line(name, within=True)}{gear}}}")
+        return lines
     if not robot.gears.keys() & set(single):
         return [
             "# actuators:                   # without this section: one ideal drive per joint",

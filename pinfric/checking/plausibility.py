@@ -23,6 +23,8 @@ from pinfric.checking.robot import RobotFacts
 from pinfric.checking.robot_masses import NO_MASS, doubted
 from pinfric.checking.scene import massless_findings, scene_findings
 from pinfric.errors import PinfricWarning, RobotError, SceneError
+from pinfric.model.brief import listed
+from pinfric.model.file_loops import OPEN
 from pinfric.model.legs import hanging_legs
 from pinfric.model.robot import BUNDLED, Robot, read_robot, urdf_file
 from pinfric.model.scene import Scene
@@ -167,6 +169,7 @@ def _urdf_findings(
     yield from link_findings(facts, meshes)
     yield from joint_findings(facts, robot, meshes)
     if robot is not None:
+        yield from _closures(robot, scene)
         yield from _by_model(scene or Scene(robot.model))
     for text in facts.said:
         yield warning("reading", "robot", text, "")
@@ -181,6 +184,29 @@ def _urdf_findings(
         )
     for mesh, why in facts.unread.items():
         yield note("unreadable mesh", f"mesh {Path(mesh).name}", "cannot be read", why)
+
+
+def _closures(robot: Robot, scene: Scene | None) -> Iterator[Finding]:
+    """The loops of the robot's file, and what of it ties links together and is not read."""
+    for place, why in robot.closures.unread:
+        yield warning(
+            "loop not read", "robot", f"{place} is not read", f"{why}; {OPEN}", unsigned=True
+        )
+    if not (loops := robot.closures.loops):
+        return
+    names = f"its file closes loops, {listed([x.name for x in loops])}"
+    used = "read as a scene's `loops` are"
+    if scene is None:
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", PinfricWarning)
+                Scene(robot.model, loops=loops, source=str(robot.urdf))
+        except SceneError as refused:
+            reason = str(refused).removeprefix(f"{robot.urdf}: ")
+            yield error("loop", "robot", reason, "")
+    elif not {loop.name for loop in loops} <= {loop.name for loop in scene.loops}:
+        used = "left out by `robot.urdf_loops: ignore`"
+    yield note("loops", "robot", names, used)
 
 
 def _figures(facts: RobotFacts) -> dict[str, float]:

@@ -214,6 +214,27 @@ def full_pivot(A: np.ndarray, scale: float = 0.0) -> tuple[int, list[int]]:
     return min(A.shape), columns
 
 
+def driving_joints(twin: Twin, linkage: Linkage, q: np.ndarray) -> tuple[str, ...]:
+    """Return independent joints at q, each as near to the root as can be: where drives stand.
+
+    A joint is taken if the loops still determine all joints that are not.
+
+    Args:
+        twin, linkage: with loops.
+        q: (nq,) closed.
+    """
+    J = closure_jacobian(twin, linkage, np.array(q, dtype=float)[None])[0]
+    size = min(1.0, linkage.size)
+    rank = full_pivot(J, size)[0]
+    left = list(range(J.shape[1]))
+    for column in range(J.shape[1]):
+        others = [v for v in left if v != column]
+        if full_pivot(J[:, others], size)[0] == rank:
+            left = others
+    names = velocity_names(twin.model)
+    return tuple(name for v, name in enumerate(names) if v not in left)
+
+
 def velocity_names(model: pin.Model) -> list[str]:
     """Return a name for every velocity: its joint's, with an index if the joint has several."""
     names = []

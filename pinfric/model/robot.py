@@ -16,7 +16,8 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from pinfric.errors import PinfricWarning, RobotError, choose_from
+from pinfric.errors import FindingWarning, PinfricWarning, RobotError, choose_from
+from pinfric.model.file_loops import FileLoops, file_loops
 from pinfric.model.floating import free_base
 from pinfric.model.mimics import lock_joints, numbers_before_names
 from pinfric.model.schema import Payload
@@ -47,7 +48,11 @@ BUNDLED = "example-robot-data:"
 
 @dataclass(frozen=True)
 class Robot:
-    """A URDF as read: the model, data that Pinocchio does not read, and folders of its meshes."""
+    """A URDF as read: the model, data that Pinocchio does not read, and folders of its meshes.
+
+    Attributes:
+        closures: the loops that the file closes, which `model`, a tree, does not have.
+    """
 
     model: pin.Model
     urdf: Path
@@ -57,6 +62,7 @@ class Robot:
     locked: Mapping[str, float] = field(default_factory=dict)
     xacro_args: Mapping[str, str] = field(default_factory=dict)
     floating: bool = False
+    closures: FileLoops = field(default_factory=FileLoops)
 
     def xml(self) -> ElementTree.Element:
         """Return a copy of its root element, xacro expanded, its base as free as the model's."""
@@ -153,6 +159,9 @@ def read_robot(
         free_base(root, urdf)
     package_dirs = mesh_folders(urdf)
     warn_of_missing_meshes(root, urdf, package_dirs)
+    closures = file_loops(root, urdf)
+    for text in closures.said:
+        warnings.warn(f"{urdf}: {text}", FindingWarning, stacklevel=2)
     lock_joints(root, locked, urdf)
     model = _pinocchio_model(root, urdf)
     _check_bodies(model, root, urdf)
@@ -160,7 +169,7 @@ def read_robot(
         raise RobotError(f"{urdf}: no joint of this robot can move; there is nothing to drive")
     check_kinetic_energy(model, str(urdf))
     data = dynamics(root), reductions(root)
-    return Robot(model, urdf, package_dirs, *data, locked, xacro_args or {}, floating)
+    return Robot(model, urdf, package_dirs, *data, locked, xacro_args or {}, floating, closures)
 
 
 def mesh_folders(urdf: Path) -> tuple[Path, ...]:

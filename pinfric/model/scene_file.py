@@ -19,11 +19,22 @@ from pinfric.model.hysteresis import contradictions
 from pinfric.model.inputs import note_input
 from pinfric.model.robot import Robot, locate_urdf, mention_reductions, read_robot
 from pinfric.model.scene import Scene
-from pinfric.model.schema import Actuator, Assumed, Friction, Measured, SceneFile, TableEffort
+from pinfric.model.schema import (
+    Actuator,
+    Assumed,
+    Friction,
+    LinkFrame,
+    Loop,
+    Measured,
+    SceneFile,
+    TableEffort,
+)
 from pinfric.model.yamlfile import path_of, read_yaml
 
 #: A robot that is measured at more than so many times its URDF's limit was measured in deg/s.
 _FASTER = 5.0
+#: Two loops whose frames agree to so many decimals (m) are at the same place.
+_PLACE = 6
 
 
 def load_scene(path: str | Path) -> Scene:
@@ -88,7 +99,7 @@ def load_scene(path: str | Path) -> Scene:
         robot=robot,
         simulation=entries.simulation,
         source=str(file),
-        loops=entries.loops,
+        loops=_with_urdf_loops(entries, robot, str(file)),
         loop_tolerance=entries.loop_tolerance,
         redundancy_length=entries.redundancy.length,
         tool=entries.tool,
@@ -180,6 +191,33 @@ def find_file(path: str | Path, suffixes: tuple[str, ...], error: type[PinfricEr
     same = [name for name in there if name.partition(".")[0] == stem]
     meant = f"did you mean {same[0]!r}?" if same else choose_from(path.name, there)
     raise error(f"there is no file {path}, and no bundled one of that name; {meant}")
+
+
+def _with_urdf_loops(entries: SceneFile, robot: Robot, where: str) -> list[Loop]:
+    """The loops of the robot's file that the scene does not replace or ignore, and its own."""
+    if entries.robot.urdf_loops == "ignore":
+        return entries.loops
+    own = {loop.name for loop in entries.loops}
+    kept = [loop for loop in robot.closures.loops if loop.name not in own]
+    for there in kept:
+        for loop in entries.loops:
+            if _same_place(there, loop):
+                raise SceneError(
+                    f"{where}: loops: {loop.name!r} closes what the robot's file closes by "
+                    f"{there.name!r}: call it so, leave it out, or write robot.urdf_loops: ignore"
+                )
+    return [*kept, *entries.loops]
+
+
+def _same_place(one: Loop, other: Loop) -> bool:
+    """Whether two loops join the same links, and at the same place of one of them."""
+
+    def at(frame: LinkFrame) -> tuple[str, tuple[float, ...]]:
+        return frame.link, tuple(round(x, _PLACE) for x in frame.xyz)
+
+    ends = [{at(loop.a), at(loop.b)} for loop in (one, other)]
+    links = [{loop.a.link, loop.b.link} for loop in (one, other)]
+    return links[0] == links[1] and bool(ends[0] & ends[1])
 
 
 def _with_urdf_dynamics(entries: SceneFile, robot: Robot, where: str) -> dict[str, Friction]:

@@ -122,6 +122,12 @@ class RobotEntry(Entry):
     urdf_dynamics: Literal["ignore", "use"] = key(
         "whether to take the URDF's <dynamics> as `coulomb` and `viscous`", "use", default="ignore"
     )
+    urdf_loops: Literal["ignore", "use"] = key(
+        "whether to close the loops that the URDF states (<loop_joint>, <constraint>, "
+        "<drake:ball_constraint>, <gazebo><joint>); one of `loops` replaces that of its name",
+        "ignore",
+        default="use",
+    )
     masses: Annotated[
         dict[str, MassesHold] | MassesHold | None, Forms(dict[str, MassesHold], MassesHold)
     ] = optional(

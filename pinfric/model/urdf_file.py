@@ -28,6 +28,8 @@ _OTHERS = {
 _PATIENCE = 20
 #: A tag of xacro.
 _TAG = re.compile(r"\{[^}]*/xacro/?\}")
+#: Prefixes that stand in files without their declaration.
+_SPACES = {b"xacro": b"http://www.ros.org/wiki/xacro", b"drake": b"http://drake.mit.edu"}
 #: What a robot without a name is called.
 NAMELESS = "robot"
 
@@ -74,10 +76,9 @@ def _parsed(urdf: Path) -> ElementTree.Element:
         raise RobotError(f"{urdf}: cannot be read: {problem.strerror}") from None
     if not content.strip():
         raise RobotError(f"{urdf}: is empty, a URDF begins with <robot>")
-    if b"<xacro:" in content and b"xmlns:xacro" not in content:  # urdfdom reads it
-        content = content.replace(
-            b"<robot", b'<robot xmlns:xacro="http://www.ros.org/wiki/xacro"', 1
-        )
+    for prefix, space in _SPACES.items():
+        if b"<%s:" % prefix in content and b"xmlns:%s" % prefix not in content:  # urdfdom reads it
+            content = content.replace(b"<robot", b'<robot xmlns:%s="%s"' % (prefix, space), 1)
     try:
         return ElementTree.fromstring(content)
     except (ElementTree.ParseError, UnicodeDecodeError, ValueError, LookupError) as problem:
