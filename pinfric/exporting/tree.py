@@ -51,15 +51,12 @@ def check_plain_tree(scene: Scene) -> tuple[JointColumn, ...]:
         PinfricError: loops, friction along springs, drives off the joints or coupled, or joints of
             several degrees of freedom; named.
     """
-    off_joint = [entry for a in scene.actuators or () if (entry := a.cylinder or a.force)]
-    for what, named in (("the loop", scene.loops), ("the drive off the joints", off_joint)):
-        if named:
-            more = f" (and {len(named) - 1} more)" if len(named) > 1 else ""
-            raise PinfricError(
-                f"{scene.source}: {what} {named[0].name!r}{more}: other engines hold loops and "
-                "cylinders as soft constraints, for which no error can be stated; only open "
-                "chains with drives at their joints are exported"
-            )
+    if scene.closed_by:
+        raise PinfricError(
+            f"{scene.source}: {scene.closed_by}: other engines hold loops and cylinders as soft "
+            "constraints, for which no error can be stated, and have no dry friction along "
+            "springs; only open chains with drives at their joints are exported"
+        )
     for name, joint in zip(scene.joint_names, list(scene.model.joints)[1:], strict=True):
         if joint.nv > 1:
             raise PinfricError(
@@ -68,11 +65,6 @@ def check_plain_tree(scene: Scene) -> tuple[JointColumn, ...]:
                 "fixed base and give its <body> a <freejoint/> and the base's <inertial>; lock "
                 "others (robot.locked)"
             )
-    if scene.linkage is not None and scene.linkage.rods:
-        raise PinfricError(
-            f"{scene.source}: friction.{scene.linkage.rods[0]} is along a spring, where other "
-            "engines have no dry friction; leave it out"
-        )
     for drive in scene.drives:
         if drive.couples:
             raise PinfricError(

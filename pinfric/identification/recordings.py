@@ -120,8 +120,8 @@ def check_scene(scene: Scene) -> None:
         IdentificationError: loops, drives off the joints, mimic joints, several degrees of freedom.
     """
     why = ""
-    if scene.linkage is not None:
-        why = "this scene has closed loops, drives that are not at joints, or springs that rub"
+    if scene.closed_by:
+        why = f"this scene has {scene.closed_by}"
     elif len(scene.model.mimicking_joints):
         why = "here joints mimic others; lock them in the scene (robot: locked)"
     elif any(joint.nv != 1 for joint in tuple(scene.model.joints)[1:]):

@@ -583,6 +583,23 @@ class Scene:
         )
 
     @property
+    def closed_by(self) -> str:
+        """What makes it more than an open chain with drives at its joints; "" if nothing does.
+
+        There friction and reactions depend on each other across the joints.
+        """
+        if self.linkage is None:
+            return ""
+        kinds = {
+            "the loop": [loop.name for loop in self.loops],
+            "the drive off the joints": [drive.name for drive in self.linkage.drives],
+            "friction along the spring": self.linkage.rods,
+        }
+        what, names = next((what, names) for what, names in kinds.items() if names)
+        more = f" (and {len(names) - 1} more)" if len(names) > 1 else ""
+        return f"{what} {names[0]!r}{more}"
+
+    @property
     def start_configuration(self) -> np.ndarray:
         """(nq,) near which the loops close: `start`, `simulation.start.q`, else the neutral one."""
         if self.start is not None and not isinstance(self.start, Mapping):

@@ -229,12 +229,10 @@ def retime(
 
 def _check_scene(scene: Scene) -> None:
     """Refuse robots whose efforts depend on friction through reactions."""
-    if scene.linkage is not None:
-        what = f"loop {scene.loops[0].name!r}" if scene.loops else "a drive off the joints"
-        what = f"friction.{scene.linkage.rods[0]}" if scene.linkage.rods else what
+    if scene.closed_by:
         raise RetimeError(
             f"{scene.source}: retime is for open chains with drives at their joints; "
-            f"{what} couples efforts and friction"
+            f"{scene.closed_by} couples efforts and friction"
         )
     driven = [drive.velocity_index for drive in scene.drives]
     if driven != list(range(scene.model.nv)):

@@ -288,5 +288,7 @@ def test_springs_are_stiffness_in_joints_and_tendons_between_links(tmp_path):
     with pytest.raises(pf.PinfricError, match="mujoco_friction takes loads without springs"):
         pf.mujoco_friction(scene, mujoco.MjModel.from_xml_string(made.text))
     rubs = {"slack": dry(3.0)}
-    with pytest.raises(pf.PinfricError, match=r"friction.slack is along a spring"):
+    with pytest.raises(pf.PinfricError, match=r"friction along the spring 'slack'"):
         pf.export(scene.with_(friction=rubs))
+    with pytest.raises(pf.PinfricError, match=r"friction along the spring 'slack'.*compensator"):
+        pf.Solver(scene.with_(friction=rubs)).compensate(q[0], v[0], v[0])

@@ -83,16 +83,9 @@ def check_differentiable(scene: Scene) -> None:
     Raises:
         SceneError: names the loop, drive or ball.
     """
-    if scene.linkage is None and scene.twin().springs is None:
+    what = scene.closed_by or "a spring acts on its links"
+    if not scene.closed_by and scene.twin().springs is None:
         return
-    if scene.linkage is None:
-        what = "a spring acts on its links"
-    elif balls := [site.name for site in scene.sites if site.ball]:
-        what = f"the ball {balls[0]!r} has friction"
-    elif scene.loops:
-        what = f"{scene.loops[0].name!r} closes a loop"
-    else:
-        what = f"{next(d.name for d in scene.drives if d.velocity_index < 0)!r} acts off the joints"
     raise SceneError(
         f"{scene.source}: derivatives: {what}; should be an open chain with drives on its joints, "
         "without springs; of others take differences of `inverse` or `forward`"

@@ -245,14 +245,12 @@ def check_compensated(scene: Scene, based: bool = False) -> None:
         PinfricError: names the loop, drive off the joints, joint of several degrees of freedom,
             joint without a drive or with several, or guide without width.
     """
-    off_joint = [x for a in scene.actuators or () if (x := a.cylinder or a.force)]
-    reason = "there friction and reactions depend on each other, and solving that has no time limit"
-    for what, named in (("the loop", scene.loops), ("the drive off the joints", off_joint)):
-        if named:
-            raise PinfricError(
-                f"{scene.source}: {what} {named[0].name!r}: {reason}; a compensator takes open "
-                "chains with drives at their joints"
-            )
+    if scene.closed_by:
+        raise PinfricError(
+            f"{scene.source}: {scene.closed_by}: there friction and reactions depend on each "
+            "other, and solving that has no time limit; a compensator takes open chains with "
+            "drives at their joints"
+        )
     if not scene.joint_names:
         raise PinfricError(f"{scene.source}: has no joint that a compensator could act on")
     for name, components in zip(scene.joint_names, scene.twin().components, strict=True):

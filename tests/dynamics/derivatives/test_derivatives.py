@@ -418,8 +418,8 @@ def test_a_joint_that_moves_no_mass_stays_and_moves_nothing():
 @pytest.mark.parametrize(
     ("name", "what"),
     [
-        ("excavator", "'boom_cylinder' acts off the joints"),
-        ("delta", "the ball 'ball_1' has friction"),
+        ("excavator", "the drive off the joints 'boom_cylinder'"),
+        ("delta", "the loop 'ball_1'"),
         ("kr300", "a spring acts on its links"),
     ],
 )
@@ -435,7 +435,7 @@ def test_bad_input_is_refused_in_one_line():
         lambda: solver.inverse_derivatives(*nothing),
         lambda: solver.forward_derivatives(*nothing[:2], [0.0] * len(solver.scene.drives)),
     ):
-        with pytest.raises(SceneError, match="closes a loop; should be an open chain") as refused:
+        with pytest.raises(SceneError, match=r"the loop .*; should be an open chain") as refused:
             call()
         assert "\n" not in str(refused.value)
     solver = pf.load_scene("pendulum").solver()
