@@ -12,6 +12,7 @@ from pinfric.checking.findings import Finding, note, warning
 from pinfric.checking.robot import BEYOND, RobotFacts
 from pinfric.elastic.motion import unloaded_frequency
 from pinfric.errors import PinfricError
+from pinfric.model.coordinates import is_sliding
 from pinfric.model.entry import USUALLY, place, questions_below
 from pinfric.model.friction_terms import CoulombFriction
 from pinfric.model.hysteresis import contradictions
@@ -232,7 +233,7 @@ def _held(scene: Scene) -> Iterator[Finding]:
         for name, effort in held.items():
             if effort > (limit := limits[name]) and name not in said:
                 said.add(name)
-                unit = "N" if joints[name].shortname().startswith("JointModelP") else "N m"
+                unit = "N" if is_sliding(joints[name]) else "N m"
                 yield warning(
                     "held payload",
                     f"joint {name}",

@@ -39,7 +39,7 @@ from pinfric.errors import PinfricError
 from pinfric.model.described import EFFORT, derived, described, quantity
 from pinfric.model.scene import Scene
 from pinfric.model.transmission import driven_efficiency
-from pinfric.motions.summary import effort_unit, ends_by_magnitude
+from pinfric.motions.summary import ends_by_magnitude
 
 _SOURCE = "Machine Design, Mechantronics Q & A: Hold it steady (2007): factor 1.5 to 3"
 _NO_BRAKE = "the catalogue has no brake that goes with this motor"
@@ -189,7 +189,7 @@ def _standstill(
     shaft, stop, own = None, None, _rounded(result, still.effort_frictionless[:, i])
     effort = largest(_rounded(result, least)), largest(load)
     gear = still.scene.drives[i].transmission
-    slides = effort_unit(still.scene, i) == "N"
+    slides = still.scene.drives[i].slides
     ends = result.effort_lower[:, i], result.effort_upper[:, i]
     speed, peak = largest(result.actuator_velocity[:, i]), max(map(largest, ends))
     demand = rest_of(result.scene, i, load, peak, speed, conditions)

@@ -25,7 +25,7 @@ from pinfric.kernels.compiled import kernel
 from pinfric.model.coordinates import one_number
 from pinfric.model.described import EFFORT, SPEED, between, described, quantity
 from pinfric.model.scene import Scene
-from pinfric.motions.summary import effort_unit, ends_by_magnitude, integral, rms
+from pinfric.motions.summary import ends_by_magnitude, integral, rms
 
 
 @described
@@ -250,7 +250,7 @@ def gear_demand(
         wrench: (T, 6) that the joint transmits; None: as in the result.
     """
     t, speed, (worst, _) = cycle.stretched, np.abs(cycle.velocity), cycle.ends
-    unit, bearing, guide = effort_unit(result.scene, actuator), None, None
+    unit, bearing, guide = result.scene.drives[actuator].unit, None, None
     joint = driven_joint(result.scene, actuator)
     if carried and unit == "N":
         none = np.zeros_like(worst)  # of a screw's nut: the effort along it
@@ -325,7 +325,7 @@ def driven_joint(scene: Scene, actuator: int) -> int | None:
 def travel(scene: Scene, actuator: int, q: np.ndarray) -> float | None:
     """Return max q - min q of a drive's sliding joint over a path (T, nq), m; None: it turns."""
     joint = driven_joint(scene, actuator)
-    if joint is None or effort_unit(scene, actuator) != "N":
+    if joint is None or not scene.drives[actuator].slides:
         return None
     return float(np.ptp(one_number(scene.model.joints[joint], q)))
 

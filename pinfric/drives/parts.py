@@ -20,7 +20,6 @@ from pinfric.drives.way import pins, way_of
 from pinfric.dynamics.inverse.result import InverseResult
 from pinfric.errors import CatalogError, choose_from
 from pinfric.model.scene import Scene
-from pinfric.motions.summary import effort_unit
 
 
 def output_of(scene: Scene, actuator: int, conditions: Conditions) -> str:
@@ -33,7 +32,7 @@ def output_of(scene: Scene, actuator: int, conditions: Conditions) -> str:
         return conditions.medium
     if driven_joint(scene, actuator) is None:
         return ""
-    return "linear" if effort_unit(scene, actuator) == "N" else "rotary"
+    return "linear" if scene.drives[actuator].slides else "rotary"
 
 
 def named_drive(
@@ -44,7 +43,7 @@ def named_drive(
     Raises:
         CatalogError: there is none for such a joint; as `own_parts`.
     """
-    linear = effort_unit(scene, actuator) == "N"
+    linear = scene.drives[actuator].slides
     some = replace(  # names of all pairs take seconds
         catalog,
         motors={key: x for key, x in catalog.motors.items() if name.startswith(key)},
@@ -136,13 +135,13 @@ def check_names(scene: Scene, conditions: Conditions, catalog: Catalog | None) -
                     f"{choose_from(name, scene.actuator_names)}"
                 )
     for group in conditions.same_drive:
-        if len({effort_unit(scene, scene.actuator_names.index(name)) for name in group}) > 1:
+        if len({scene.drives[scene.actuator_names.index(name)].slides for name in group}) > 1:
             raise CatalogError(
                 f"conditions.same_drive: of {', '.join(group)} some turn and some slide; they have "
                 "no drive in common"
             )
     for name in conditions.cylinders:
-        if effort_unit(scene, scene.actuator_names.index(name)) != "N":
+        if not scene.drives[scene.actuator_names.index(name)].slides:
             raise CatalogError(
                 f"conditions.cylinders: {name!r} turns; a cylinder is for a sliding joint, or acts "
                 "between two points (`cylinder` under `actuators`)"
@@ -152,4 +151,4 @@ def check_names(scene: Scene, conditions: Conditions, catalog: Catalog | None) -
         if joint in conditions.take:
             named_drive(scene, i, conditions.take[joint], known, conditions)
         elif joint in conditions.bearings:
-            own_parts(known, conditions, joint, effort_unit(scene, i) == "N")
+            own_parts(known, conditions, joint, scene.drives[i].slides)

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 import pinocchio as pin
 
+from pinfric.model.coordinates import is_sliding
 from pinfric.model.loops import CYLINDER, carriers
 from pinfric.model.mass_matrix import link_poses
 from pinfric.model.scene import Scene
@@ -75,7 +76,7 @@ def way_of(scene: Scene, drive: int, q: np.ndarray) -> Way | None:
         return Way(float(np.ptp(length)), span, float(length.min()), float(length.max()))
     moved = scene.drives[drive].velocity_index
     joint = next((j for j in model.joints if j.nv == 1 and j.idx_v == moved), None)
-    if joint is None or not joint.shortname().startswith("JointModelP"):
+    if joint is None or not is_sliding(joint):
         return None
     low, high = _limits(model, joint)
     span = high - low if np.isfinite(high - low) else np.nan

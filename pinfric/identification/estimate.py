@@ -78,6 +78,7 @@ from pinfric.identification.stribeck import (
 )
 from pinfric.identification.ways import FEWEST, Build, find_ways, reversals, with_ways
 from pinfric.model.arrays import BoolArray, FloatArray
+from pinfric.model.coordinates import is_sliding
 from pinfric.model.couples import mixed
 from pinfric.model.scene import Scene
 
@@ -469,7 +470,7 @@ def _loads(estimate: Estimate, joint: int) -> bool:
 def turns(scene: Scene, name: str) -> bool:
     """Return whether a joint turns: only then a scene states its gear's loss as a load."""
     joint = scene.model.joints[scene.joint_names.index(name) + 1]
-    return not joint.shortname().startswith("JointModelP")
+    return not is_sliding(joint)
 
 
 def _shows_gear(estimate: Estimate, joint: int) -> bool:

@@ -28,7 +28,6 @@ from pinfric.model.described import EFFORT, PLACE, SPEED, described, quantity
 from pinfric.model.files import write_folder
 from pinfric.model.scene import Scene, expect_scene
 from pinfric.motions.joint_columns import JointColumn, configurations, joint_columns, stated_limit
-from pinfric.motions.summary import effort_unit
 from pinfric.motions.trajectory import Trajectory
 from pinfric.motions.waypoints import WayPoint, WayPointFile, sample_waypoints, waypoints_text
 
@@ -171,7 +170,7 @@ def excite(
         j = int(np.argmax(most / allowed))
         raise IdentificationError(
             f"{scene.source}: joint {scene.joint_names[j]} needs {most[j]:.3g} "
-            f"{effort_unit(scene, j)} in a motion {slowed:.2g} times as slow; {100 * share:g} % of "
+            f"{scene.drives[j].unit} in a motion {slowed:.2g} times as slow; {100 * share:g} % of "
             f"its limit is {allowed[j]:.3g}: narrow the ranges, or use more of the limits (share)"
         )
     return Excitation(
@@ -280,7 +279,7 @@ def _joints(scene: Scene, plan: _Plan, peak: FloatArray) -> tuple[JointExcitatio
     return tuple(
         JointExcitation(
             name=name,
-            unit=effort_unit(scene, j),
+            unit=scene.drives[j].unit,
             low=float(q[:, j].min()),
             high=float(q[:, j].max()),
             speed=float(np.abs(v[:, j]).max()),
@@ -373,7 +372,7 @@ def _check_weight(
     none = np.zeros((len(q), scene.model.nv))
     held = np.abs(inverse_dynamics(scene, q, none, none).effort_frictionless).max(axis=0)
     heavy = [
-        f"{scene.joint_names[j]} {held[j]:.3g} {effort_unit(scene, j)}, limit {limits[j]:.3g}"
+        f"{scene.joint_names[j]} {held[j]:.3g} {scene.drives[j].unit}, limit {limits[j]:.3g}"
         for j in np.flatnonzero(held > limits).tolist()
     ]
     if heavy:

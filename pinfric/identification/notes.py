@@ -32,7 +32,6 @@ from pinfric.identification.scales import (
 from pinfric.identification.tilt import base_tilt
 from pinfric.model.arrays import FloatArray
 from pinfric.motions.log.effort_place import place_note
-from pinfric.motions.summary import effort_unit
 
 #: Below this share of its velocity limit a joint has not been fast.
 _FAST = 0.2
@@ -188,7 +187,7 @@ def _by_joint(what: Mapping[str, list[str]]) -> list[str]:
 def _misfits(estimate: Estimate, shapes: Sequence[Misfit]) -> list[str]:
     lines = []
     for j in sorted({shape.joint for shape in shapes}):
-        unit = effort_unit(estimate.scene, j)
+        unit = estimate.scene.drives[j].unit
         own = [
             f"{shape.over} {shape.size:.2g} {unit} RMS ({100 * shape.share:.0f} % of its square)"
             for shape in shapes
@@ -205,7 +204,7 @@ def _uneven(estimate: Estimate, halves: Mapping[int, float]) -> list[str]:
     """Joints whose friction differs by direction as with an offset of a sensor."""
     lines = []
     for j, half in halves.items():
-        unit = effort_unit(estimate.scene, j)
+        unit = estimate.scene.drives[j].unit
         lines.append(
             f"lack of fit: {estimate.scene.joint_names[j]}: Coulomb friction differs by "
             f"{2.0 * abs(half):.2g} {unit} between the directions; an offset of "
@@ -317,7 +316,7 @@ def _contacts(estimate: Estimate) -> list[str]:
     scene, logs = estimate.scene, estimate.question.recordings
     each = [
         f"{logs[x.log].name} {x.start:.1f} to {x.end:.1f} s (up to {x.effort:.3g} "
-        f"{effort_unit(scene, x.joint)} at {scene.joint_names[x.joint]})"
+        f"{scene.drives[x.joint].unit} at {scene.joint_names[x.joint]})"
         for x in estimate.question.contacts
     ]
     if not each:

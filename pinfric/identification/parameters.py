@@ -47,7 +47,6 @@ from pinfric.model.described import PLACE, SPEED, described, quantity, unit_at
 from pinfric.model.scene import Scene
 from pinfric.model.schema import Actuator, Friction
 from pinfric.model.transmission import Transmission
-from pinfric.motions.summary import effort_unit
 
 #: A standard error of more than this share of a coefficient leaves it undetermined.
 _VAGUE = 0.5
@@ -99,7 +98,7 @@ def on_motor(law: Law) -> bool:
 
 def scene_key(scene: Scene, joint: int, law: Law, slot: int) -> tuple[str, str, str]:
     """Return section, name and unit of one coefficient in a scene."""
-    effort, motor = effort_unit(scene, joint), on_motor(law)
+    effort, motor = scene.drives[joint].unit, on_motor(law)
     section = "transmission" if motor else "friction"
     if slot in COULOMB:
         # a negative ratio turns the motor backwards where the joint moves forwards
@@ -193,7 +192,7 @@ def parameters(
                 Parameter("transmission", name, key, "", value, low, high, error, not why, why)
             )
         if fitted[list(RESTS_ON)].any():  # of the speed the logarithm has a standard error
-            stribeck, unit = estimate.stribeck[j], unit_at(SPEED, effort_unit(estimate.scene, j))
+            stribeck, unit = estimate.stribeck[j], unit_at(SPEED, estimate.scene.drives[j].unit)
             assert stribeck is not None  # its law has one
             v, (error, reach) = stribeck.velocity, known.of({j * K + STRIBECK_VELOCITY: 1.0})
             why = "its standard error exceeds half of it" if error > _VAGUE else ""
@@ -205,7 +204,7 @@ def parameters(
         if way := way_of(estimate, j):
             reach = float(stdtrit(BLOCKS - 1, 0.975)) * way.error
             least, most = (way.value * float(np.exp(x)) for x in (-reach, reach))
-            unit = unit_at(PLACE, effort_unit(estimate.scene, j))
+            unit = unit_at(PLACE, estimate.scene.drives[j].unit)
             section, key = "transmission" if on_motor(law) else "friction", "presliding.way"
             error = way.error * way.value
             result.append(Parameter(section, name, key, unit, way.value, least, most, error, True))

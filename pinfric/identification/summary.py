@@ -11,7 +11,6 @@ from pinfric.identification.motor_constant import EffortFactor
 from pinfric.identification.parameters import Parameter
 from pinfric.identification.rest import RestBound
 from pinfric.model.described import EFFORT, PLACE, described, gathered, quantity
-from pinfric.motions.summary import effort_unit
 
 
 @described
@@ -125,7 +124,7 @@ def identify_summary(findings: Findings) -> IdentifySummary:
     names = findings.scene.joint_names
     considered = dict(zip(names, findings.estimate.choice.errors, strict=True))
     units = dict(
-        zip(names, (effort_unit(findings.scene, j) for j in range(len(names))), strict=True)
+        zip(names, (findings.scene.drives[j].unit for j in range(len(names))), strict=True)
     )
     return gathered(
         IdentifySummary,
@@ -170,7 +169,7 @@ def predicted(summary: IdentifySummary) -> list[Predicted]:
 
 def considered(findings: Findings, joint: int) -> list[Considered]:
     """Return the laws considered for a joint, the best first."""
-    errors, unit = findings.estimate.choice.errors[joint], effort_unit(findings.scene, joint)
+    errors, unit = findings.estimate.choice.errors[joint], findings.scene.drives[joint].unit
     plain = errors.get(PLAIN, float("nan"))
     return [
         Considered(str(law), len(law.slots), unit, error, error / plain)

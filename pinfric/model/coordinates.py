@@ -14,6 +14,11 @@ def one_number(joint: Any, q: np.ndarray) -> np.ndarray:
     return first if joint.nq == 1 else unwrapped_angle(first, q[:, joint.idx_q + 1])
 
 
+def is_sliding(joint: Any) -> bool:
+    """Return whether a joint has one coordinate and this is a length."""
+    return bool(joint.nv == 1 and joint.shortname().startswith("JointModelP"))
+
+
 def from_angles(model: pin.Model, width: int) -> str:
     """Return a hint on how to make q from one number per joint, "" unless `width` is nv."""
     turning = [n for n, j in zip(model.names, model.joints, strict=True) if (j.nq, j.nv) == (2, 1)]

@@ -33,7 +33,8 @@ class Drive:
 
     Attributes:
         name: the actuator's own name, else its joint's.
-        velocity_index: the column of v it moves.
+        velocity_index: the column of v it moves; -1 off the joints.
+        slides: whether it pushes along a line (N, m), or turns about an axis (N m, rad).
         transmission: None for an ideal drive of ratio 1 (motor torque = effort).
         share: w in the sum of effort^2 / w, which redundant drives minimize; None: not given.
         couples: (column of v, factor) of other joints that turn it as well (`couples`).
@@ -43,11 +44,31 @@ class Drive:
 
     name: str
     velocity_index: int
+    slides: bool = False
     transmission: Transmission | None = None
     share: float | None = None
     couples: tuple[tuple[int, float], ...] = ()
     column: int = -1
     encoder: Literal["motor", "joint"] = "motor"
+
+    @property
+    def unit(self) -> str:
+        """The unit of its effort, N or N m."""
+        return "N" if self.slides else "N m"
+
+    @property
+    def place_unit(self) -> str:
+        """The unit of its way, m or rad."""
+        return "m" if self.slides else "rad"
+
+    @property
+    def motor_unit(self) -> str:
+        """The unit at its motor: N m behind a gear, else that of its effort.
+
+        What slides with a ratio of 1 is a linear motor or a cylinder: no motor turns 1 rad in 1 m.
+        """
+        linear = self.slides and (self.transmission is None or self.transmission.ratio == 1.0)
+        return "N" if linear else "N m"
 
     @property
     def spring(self) -> Spring | None:

@@ -53,18 +53,6 @@ _ONE_WAY = {"revolute": False, "planar_pin": False, "prismatic": True}
 
 
 @dataclass(frozen=True)
-class OffJointDrive(Drive):
-    """A drive that is not on a joint of the tree; `velocity_index` is -1.
-
-    Attributes:
-        unit: of its effort: "N" along a cylinder, a force or a loop that slides, "N m" about a
-            loop's axis.
-    """
-
-    unit: str = "N"
-
-
-@dataclass(frozen=True)
 class Linkage:
     """All loops and drives off the joints as arrays for the kernels.
 
@@ -92,7 +80,7 @@ class Linkage:
     """
 
     loops: tuple[Loop, ...]
-    drives: tuple[OffJointDrive, ...]
+    drives: tuple[Drive, ...]
     pair_kind: np.ndarray
     rotation: np.ndarray
     frame_joint: np.ndarray
@@ -246,7 +234,7 @@ def no_linkage(model: pin.Model) -> Linkage:
 
 def _friction_columns(
     loops: Sequence[Loop],
-    drives: Sequence[OffJointDrive],
+    drives: Sequence[Drive],
     friction: Mapping[str, Friction],
     pairs: list[dict[str, Any]],
     columns: list[tuple[int, np.ndarray]],
@@ -329,10 +317,10 @@ def _drives(
     actuators: Sequence[Actuator],
     pairs: list[dict[str, Any]],
     source: str,
-) -> tuple[list[OffJointDrive], list[tuple[int, np.ndarray]]]:
+) -> tuple[list[Drive], list[tuple[int, np.ndarray]]]:
     """The drives off the joints and their columns; cylinders and forces are added to the pairs."""
     columns: list[tuple[int, np.ndarray]] = []
-    drives: list[OffJointDrive] = []
+    drives: list[Drive] = []
     loop_rows = {loop.name: row for row, loop in enumerate(loops)}
     for index, actuator in enumerate(actuators):
         where = f"{source}: actuators[{index}]"
@@ -351,9 +339,9 @@ def _drives(
                     "no single axis to drive"
                 )
             columns.append((row, _free_direction(loops[row].kind, pairs[row]["axis"])))
-            kind = "N" if slides(loops[row]) else "N m"
+            pushes = slides(loops[row])
         elif actuator.cylinder is not None:
-            kind = "N"
+            pushes = True
             where = f"{where}: cylinder {actuator.drive_name!r}"
             ends = ("a", actuator.cylinder.a), ("b", actuator.cylinder.b)
             sides = [_point(model, end, f"{where}.{side}.link") for side, end in ends]
@@ -361,21 +349,21 @@ def _drives(
             columns.append((len(pairs) - 1, np.zeros(6)))
         else:
             assert actuator.force is not None  # the schema requires one of the three
-            kind = "N"
+            pushes = True
             where = f"{where}: force {actuator.drive_name!r}"
             sides = [(-1, pin.SE3.Identity()), _point(model, actuator.force, f"{where}.link")]
             direction = _direction(actuator.force.direction, f"{where}.direction")
             pairs.append(_pair(FORCE, _NONE, direction, sides, where))
             columns.append((len(pairs) - 1, np.concatenate([pairs[-1]["axis"], np.zeros(3)])))
         drives.append(
-            OffJointDrive(
+            Drive(
                 actuator.drive_name,
                 -1,
+                pushes,
                 actuator.transmission,
                 actuator.share,
                 column=len(drives),
                 encoder=actuator.encoder,
-                unit=kind,
             )
         )
     return drives, columns

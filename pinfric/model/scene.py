@@ -26,7 +26,6 @@ from pinfric.model.entry import parse
 from pinfric.model.laws import FrictionLaw, Laws, checked_law, friction_law, law_table
 from pinfric.model.loops import (
     Linkage,
-    OffJointDrive,
     check_bearing,
     make_linkage,
     rubs,
@@ -735,10 +734,15 @@ class Scene:
         closed = [self.closed_brakes.get(drive.name, 0.0) for drive in self.drives]
         return gear_table(gears, stick), gear_table(gears, stick, closed)
 
+    def slides(self, column: int) -> bool:
+        """Return whether a column of v is in m/s along an axis, not in rad/s about one."""
+        ideal = (d for joint in range(1, self.model.njoints) for d in self._ideal(joint))
+        return next(d.slides for d in ideal if d.velocity_index == column)
+
     def stick_velocity_of(self, drive: Drive) -> float:
         """Return the stick velocity of the drive's site, else the scene's default."""
         moved = drive.name
-        if isinstance(drive, OffJointDrive) and self.linkage is not None:
+        if drive.column >= 0 and self.linkage is not None:
             pair = int(self.linkage.column_pair[drive.column])
             moved = self.loops[pair].name if pair < len(self.loops) else moved
         for site in self.sites:
@@ -957,9 +961,12 @@ class Scene:
         model, twin = self.model, self.twin()
         name, count, first = model.names[joint], model.joints[joint].nv, model.joints[joint].idx_v
         if count == 1:
-            return [Drive(name, first)]
+            return [Drive(name, first, bool(twin.kind[joint - 1] == PRISMATIC))]
         parts = twin.components[joint - 1, :count]
-        return [Drive(f"{name}.{_COMPONENT_NAMES[c]}", first + n) for n, c in enumerate(parts)]
+        return [
+            Drive(f"{name}.{_COMPONENT_NAMES[c]}", first + n, bool(c < 3))
+            for n, c in enumerate(parts)
+        ]
 
     def _drive(self, actuator: Actuator) -> Drive:
         name = actuator.joint
@@ -968,9 +975,11 @@ class Scene:
             (self._velocity(other, f"{actuator.drive_name}.couples"), factor)
             for other, factor in actuator.couples.items()
         )
+        column = self._velocity(name, "")
         return Drive(
             actuator.drive_name,
-            self._velocity(name, ""),
+            column,
+            self.slides(column),
             actuator.transmission,
             actuator.share,
             couples,

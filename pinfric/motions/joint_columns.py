@@ -13,7 +13,7 @@ import pinocchio as pin
 
 from pinfric.errors import TrajectoryError, problems_line
 from pinfric.model.arrays import FloatArray
-from pinfric.model.coordinates import unwrapped_angle
+from pinfric.model.coordinates import is_sliding, unwrapped_angle
 
 #: rad or m (rad/s, m/s); a value this far beyond a limit is rounding of the file, no violation.
 LIMIT_TOLERANCE = 1.0e-6
@@ -64,7 +64,7 @@ def joint_columns(model: pin.Model, source: str = "model") -> tuple[JointColumn,
             low, high = model.lowerPositionLimit[joint.idx_q], model.upperPositionLimit[joint.idx_q]
             lower, upper = stated_range(float(low), float(high))
         speed = stated_limit(float(model.velocityLimit[joint.idx_v]))
-        unit = "m" if joint.shortname().startswith("JointModelP") else "rad"
+        unit = "m" if is_sliding(joint) else "rad"
         place = joint.idx_q, joint.idx_v, joint.nq
         columns.append(JointColumn(name, *place, unit, lower, upper, speed))
     return tuple(columns)

@@ -6,11 +6,10 @@ import numpy as np
 
 from pinfric.dynamics.inverse.result import InverseResult, runs
 from pinfric.errors import StateError
+from pinfric.model.coordinates import is_sliding
 from pinfric.model.couples import reaches
 from pinfric.model.described import EFFORT, MOTOR, SPEED, between, described, quantity
-from pinfric.model.loops import OffJointDrive
 from pinfric.model.scene import Scene
-from pinfric.model.twin import PRISMATIC
 from pinfric.motions.joint_columns import stated_limit, stated_range
 
 
@@ -104,7 +103,7 @@ def summarize(result: InverseResult) -> tuple[ActuatorSummary, ...]:
         summaries.append(
             ActuatorSummary(
                 name=drive.name,
-                unit=effort_unit(result.scene, i),
+                unit=result.scene.drives[i].unit,
                 peak=float(np.abs(worst[top])),
                 peak_time=float(t[top]),
                 peak_velocity=float(result.actuator_velocity[top, i]),
@@ -117,7 +116,7 @@ def summarize(result: InverseResult) -> tuple[ActuatorSummary, ...]:
                 sticks=len(sticks),
                 reversals=int(np.count_nonzero(result.reversal[:, sites].any(axis=1))),
                 max_interval=float((result.effort_upper[:, i] - result.effort_lower[:, i]).max()),
-                motor_unit=motor_unit(result.scene, i),
+                motor_unit=result.scene.drives[i].motor_unit,
                 motor_peak=float(np.abs(motor_worst).max()),
                 motor_rms=rms(t, motor_worst),
                 motor_rms_least=rms(t, motor_least),
@@ -141,7 +140,7 @@ def beyond_limits(result: InverseResult) -> tuple[str, ...]:
             continue
         limit = stated_limit(float(limits[drive.velocity_index]))
         ends = np.abs([result.effort_lower[:, i], result.effort_upper[:, i]])
-        peak, unit = float(np.fmax.reduce(ends, axis=None)), effort_unit(result.scene, i)
+        peak, unit = float(np.fmax.reduce(ends, axis=None)), result.scene.drives[i].unit
         if peak > limit:
             lines.append(f"{drive.name} needs {peak:.3g} {unit}; the URDF allows {limit:g} {unit}")
     return tuple(lines)
@@ -157,7 +156,7 @@ def moves_beyond(scene: Scene, q: np.ndarray, v: np.ndarray) -> tuple[str, ...]:
     for name, joint in zip(scene.joint_names, tuple(model.joints)[1:], strict=True):
         if joint.nv != 1:
             continue
-        unit = "m" if joint.shortname().startswith("JointModelP") else "rad"
+        unit = "m" if is_sliding(joint) else "rad"
         fastest = float(np.abs(v[:, joint.idx_v]).max(initial=0.0))
         limit = stated_limit(float(model.velocityLimit[joint.idx_v]))
         if fastest > limit * (1.0 + _PASSES):
@@ -294,37 +293,10 @@ def rests(result: InverseResult, actuator: int) -> np.ndarray:
     return np.asarray(result.sticking[:, sites_on(result.scene, actuator)].any(axis=1))
 
 
-def effort_unit(scene: Scene, actuator: int) -> str:
-    """Return "N" for a drive that pushes, "N m" for one that turns."""
-    drive = scene.drives[actuator]
-    if isinstance(drive, OffJointDrive):
-        return drive.unit
-    return "N" if slides(scene, drive.velocity_index) else "N m"
-
-
-def slides(scene: Scene, column: int) -> bool:
-    """Return whether a column of v is in m/s along an axis, not in rad/s about one."""
-    twin = scene.twin()
-    for row, joint in enumerate(scene.model.joints[1:]):
-        if joint.idx_v <= column < joint.idx_v + joint.nv:
-            if joint.nv == 1:
-                return bool(twin.kind[row] == PRISMATIC)
-            return bool(twin.components[row, column - joint.idx_v] < 3)
-    raise AssertionError(f"no joint moves column {column}")
-
-
-def motor_unit(scene: Scene, actuator: int) -> str:
-    """Return the unit at a drive's motor: N m behind a gear, else `effort_unit`.
-
-    What slides with a ratio of 1 is a linear motor or a cylinder: no motor turns 1 rad in 1 m.
-    """
-    gear, unit = scene.drives[actuator].transmission, effort_unit(scene, actuator)
-    return unit if gear is None or (unit == "N" and gear.ratio == 1.0) else "N m"
-
-
 def unit_of_drive(scene: Scene, name: str, motor: bool = False) -> str:
     """Return the unit of a drive's efforts (or at its `motor`); of no name the common one."""
     if name:
-        return (motor_unit if motor else effort_unit)(scene, scene.actuator_names.index(name))
-    units = {effort_unit(scene, i) for i in range(len(scene.drives))}
+        drive = scene.drives[scene.actuator_names.index(name)]
+        return drive.motor_unit if motor else drive.unit
+    units = {drive.unit for drive in scene.drives}
     return units.pop() if len(units) == 1 else ""

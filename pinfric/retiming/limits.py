@@ -31,7 +31,6 @@ from pinfric.model.entry import Entry, Positive, Version, key, optional, parse
 from pinfric.model.scene import Scene
 from pinfric.model.yamlfile import brief, read_yaml
 from pinfric.motions.joint_columns import stated_limit
-from pinfric.motions.summary import effort_unit
 
 
 class DriveLimits(Entry):
@@ -338,7 +337,7 @@ def _stated(scene: Scene, i: int) -> DriveLimits:
     effort = stated_limit(float(scene.model.effortLimit[drive.velocity_index]))
     if not math.isfinite(effort):
         raise RetimeError(
-            f"limits: the robot states no effort limit for {drive.name!r} ({effort_unit(scene, i)})"
+            f"limits: the robot states no effort limit for {drive.name!r} ({scene.drives[i].unit})"
             "; give limits of its drives (--motors)"
         )
     return DriveLimits(effort=effort)

@@ -17,7 +17,6 @@ from pinfric.model.couples import rate_rows
 from pinfric.model.drives import gear_table
 from pinfric.model.scene import Scene
 from pinfric.motions.joint_columns import JointColumn, configurations
-from pinfric.motions.summary import effort_unit, motor_unit
 from pinfric.retiming.limits import DriveLimits, drive_speeds, joint_speeds
 from pinfric.retiming.path import Path
 from pinfric.retiming.profile import Profile, columns_to_velocities
@@ -211,13 +210,13 @@ class PathProblem:
         """Say what a drive would need in the first sample to `what`, and what it has."""
         torques = result.motor_torque_lower[0, d], result.motor_torque_upper[0, d]
         efforts = result.effort_lower[0, d], result.effort_upper[0, d]
-        x, unit = self.limits[d], effort_unit(self.scene, d)
+        x, unit = self.limits[d], self.scene.drives[d].unit
         name = self.scene.drives[d].name
         if instant_limits()[kind].need == "effort":
             need, have, of = max(map(abs, efforts)), x.least("effort"), unit
         else:
             need, have = max(map(abs, torques)), min(x.least("motor torque"), x.stall_torque)
-            of = f"{motor_unit(self.scene, d)} of its motor"
+            of = f"{self.scene.drives[d].motor_unit} of its motor"
         return f"{name!r} cannot {what}: needs {need:.4g} {of}, has {have:.4g}"
 
 

@@ -10,7 +10,7 @@ from pinfric.dynamics.inverse.result import StickInterval
 from pinfric.dynamics.samples.closure import working_rates
 from pinfric.dynamics.simulation.motion import INTERRUPTED, Event, Motion
 from pinfric.model.described import EFFORT, PLACE, SPEED, described, gathered, quantity
-from pinfric.motions.summary import effort_unit, rms
+from pinfric.motions.summary import rms
 
 
 @described
@@ -104,7 +104,7 @@ def drive_work(motion: Motion) -> list[DriveWork]:
     return [
         DriveWork(
             name=drive.name,
-            unit=effort_unit(scene, i),
+            unit=scene.drives[i].unit,
             peak=float(np.abs(motion.effort[:, i]).max()),
             rms=rms(t, motion.effort[:, i]),
             work=float(np.trapezoid(motion.effort[:, i] * rates[:, i], t)),

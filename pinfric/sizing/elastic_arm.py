@@ -9,7 +9,6 @@ from pinfric.drives.policy import Conditions, stated
 from pinfric.elastic.motion import Elasticity, ToolPlace
 from pinfric.errors import CatalogError
 from pinfric.model.scene import Scene
-from pinfric.motions.summary import effort_unit
 
 _SOURCE = "pinfric: wind-up of the gears at rest, first order"
 #: Condition -> what is compared, how far the tool is off, the formula.
@@ -113,7 +112,7 @@ def reversal_criteria(
                 "reversal error",
                 least if not lacks or least > allowed else None,  # known in part it can only fail
                 allowed,
-                "m" if effort_unit(scene, d) == "N" else "rad",
+                scene.drives[d].place_unit,
                 "max |f(h + b) - f(h - b)| between opposite approaches + backlash",
                 _SOURCE,
                 ", ".join(lacks),

@@ -10,7 +10,6 @@ import numpy as np
 from pinfric.drives.criterion import Criterion, compare
 from pinfric.model.brakes import HoldingBrake
 from pinfric.model.described import EFFORT, PLACE, described, quantity
-from pinfric.motions.summary import effort_unit
 from pinfric.stops.machines import UNLIMITED, MachineKind, Machines
 from pinfric.stops.search import StopCase, StopCycle, Stopped, StopSearch
 
@@ -130,7 +129,7 @@ def axis_stop(search: StopSearch, drive: int) -> AxisStop:
     by_measure = axis_criteria(search.machines, search.cycle, drive, figures)
     return AxisStop(
         name=scene.drives[drive].name,
-        unit=effort_unit(scene, drive),
+        unit=scene.drives[drive].unit,
         time=float(longest.rest[drive]),
         time_command=longest.command,
         travel=float(worst.travel[drive]),
@@ -166,7 +165,7 @@ def stop_grid(search: StopSearch, drive: int, shares: tuple[float, ...]) -> list
         rows.append(
             StopGrid(
                 name=scene.drives[drive].name,
-                unit=effort_unit(scene, drive),
+                unit=scene.drives[drive].unit,
                 load=load_name(load),
                 time={k: max(float(one.rest[drive]) for one in own) for k, own in stops.items()},
                 travel={
@@ -251,7 +250,7 @@ def _of_energy(
 def _of_effort(machines: Machines, drive: int, figures: Figures) -> Iterator[Criterion]:
     """What the gear may bear for a moment, and what a stated deceleration may take, by the URDF."""
     scene, (formula, source) = machines.scene, figures.peaks_of
-    gear, unit = scene.drives[drive].transmission, effort_unit(scene, drive)
+    gear, unit = scene.drives[drive].transmission, scene.drives[drive].unit
     yield compare(
         "gear momentary peak torque",
         figures.reserve * figures.peak,
@@ -284,7 +283,7 @@ def _of_place(
     way = cycle.before(worst.sample, worst.speed)[1][drive]
     place = float(cycle.trajectory.q[worst.sample, cycle.place[drive]] - way)
     room = (limit - place) * (1 if side else -1)
-    unit = "m" if effort_unit(machines.scene, drive) == "N" else "rad"
+    unit = machines.scene.drives[drive].place_unit
     passes = f" by {beyond:.3g} {unit}" if beyond > _TOUCHES else ""
     note = (
         f"{'passes' if passes else 'nearest to'} its {'upper' if side else 'lower'} limit of "

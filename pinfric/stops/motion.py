@@ -38,7 +38,7 @@ from pinfric.errors import (
 from pinfric.model.closure import velocity_names
 from pinfric.model.robot import link_frame
 from pinfric.model.scene import Scene
-from pinfric.motions.summary import ends_by_magnitude, running_integral, slides
+from pinfric.motions.summary import ends_by_magnitude, running_integral
 from pinfric.stops.path import Slowed
 
 #: Longest time between samples of a stop, s; more lie before and after every change.
@@ -320,7 +320,7 @@ def _does_not_stop(
     i = int(np.argmax(np.abs(v)))
     joint = velocity_names(scene.model)[i]
     names = [drive.name for drive in scene.drives if drive.velocity_index == i]
-    unit = "m/s" if slides(scene, i) else "rad/s"
+    unit = "m/s" if scene.slides(i) else "rad/s"
     brakes = [f"{torques[name]:g} N m at {name}'s motor" for name in names if name in torques]
     load = f"carrying {', '.join(machine.carried)}" if machine.carried else "carrying nothing"
     moves = f"{joint} still moves at {v[i]:.3g} {unit} {gone:.3g} s after, {load}"

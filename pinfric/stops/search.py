@@ -31,7 +31,7 @@ from pinfric.dynamics.samples.closure import working_rates
 from pinfric.dynamics.samples.states import States
 from pinfric.errors import StopError
 from pinfric.model.scene import Scene
-from pinfric.motions.summary import effort_unit, running_integral
+from pinfric.motions.summary import running_integral
 from pinfric.motions.trajectory import Trajectory
 from pinfric.stops.machines import UNLIMITED, MachineKind, Machines, carried_by
 from pinfric.stops.motion import BrakedMachine, StopMotion, no_brake, stop_motion, tool_path
@@ -188,7 +188,7 @@ def _check_unbraked(still: InverseResult, carries: str, products: Mapping[str, s
             lacks = no_brake(products, drive.name, f"actuators ({drive.name}):")
             raise StopError(
                 f"{scene.source}: {lacks}, and carrying {carries} "
-                f"its load of {load:.3g} {effort_unit(scene, d)} at {t[k]:.3g} s of the cycle is "
+                f"its load of {load:.3g} {scene.drives[d].unit} at {t[k]:.3g} s of the cycle is "
                 "more than friction holds; give `transmission.brake: {torque: N m, engage_time: s}`"
             )
 

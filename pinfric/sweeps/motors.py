@@ -25,7 +25,6 @@ from pinfric.dynamics.inverse.result import InverseResult
 from pinfric.errors import CatalogError, SizingError, SweepError, choose_from, problems_line
 from pinfric.model.drives import Drive
 from pinfric.model.scene import Scene
-from pinfric.motions.summary import effort_unit
 from pinfric.sweeps.file import SweepFile
 
 #: What a sample says of a criterion.
@@ -158,7 +157,7 @@ def _trial(scene: Scene, catalog: Catalog, conditions: Conditions, joint: str, n
         continuous,
         peak,
         checks,
-        effort_unit(scene, actuator),
+        scene.drives[actuator].unit,
         hand,
         not reads_samples(candidate, conditions, hand),
     )

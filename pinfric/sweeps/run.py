@@ -15,7 +15,6 @@ from pinfric.errors import PinfricWarning, SweepError
 from pinfric.model.brief import counted
 from pinfric.model.scene import Scene, expect_scene
 from pinfric.motions.sample_times import beyond_memory
-from pinfric.motions.summary import effort_unit, motor_unit
 from pinfric.motions.trajectory import Trajectory
 from pinfric.sweeps.cycle import Samples, Study, compute
 from pinfric.sweeps.file import SweepFile, load_sweep
@@ -103,8 +102,8 @@ def sweep(
         seed=entries.seed,
         parameter_names=tuple(t.name for t in targets),
         actuator_names=names,
-        units=tuple(effort_unit(scene, i) for i in range(len(names))),
-        motor_units=tuple(motor_unit(equipped, i) for i in range(len(names))),
+        units=tuple(scene.drives[i].unit for i in range(len(names))),
+        motor_units=tuple(equipped.drives[i].motor_unit for i in range(len(names))),
         values=values,
         figures=samples.figures,
         verdicts=pd.DataFrame(

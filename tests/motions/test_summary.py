@@ -13,7 +13,6 @@ from pinfric.errors import StateError
 from pinfric.motions.summary import (
     ActuatorSummary,
     beyond_limits,
-    effort_unit,
     payload_phases,
     rms,
     sites_on,
@@ -135,7 +134,7 @@ def test_units_follow_the_joint():
     s = summary([0, 1], [1, 1], [1, 1], joint=pin.JointModelPX(), actuators=gear)
     assert (s.unit, s.motor_unit) == ("N", "N m")
     planar = turntable(joint=pin.JointModelPlanar())
-    assert [effort_unit(planar, i) for i in range(3)] == ["N", "N", "N m"]
+    assert [drive.unit for drive in planar.drives] == ["N", "N", "N m"]
 
 
 @pytest.mark.parametrize("limit", [0.0, 3.0, 5.0])

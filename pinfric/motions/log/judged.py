@@ -21,7 +21,7 @@ from pinfric.motions.log.effort_place import (
     place_note,
 )
 from pinfric.motions.log.reading import DerivativeNoise, Reading
-from pinfric.motions.summary import effort_unit, ends_by_magnitude, rests, rms
+from pinfric.motions.summary import ends_by_magnitude, rests, rms
 
 #: Standard deviations of the efforts' noise that count as uncertain: a peak is the largest of many
 #: noisy values, not one of them.
@@ -184,7 +184,7 @@ def compare_effort(
     It is stated at the joint, N m or N, measured where `at` says (`measured_interval`).
     """
     t, finite = result.times, np.isfinite(measured)
-    name, unit = result.actuator_names[drive], effort_unit(result.scene, drive)
+    name, unit = result.actuator_names[drive], result.scene.drives[drive].unit
     if not finite.any():
         return MeasuredEffort(name, unit, np.nan, np.nan, np.nan)
     lower, upper = (ends[:, drive] for ends in measured_interval(result, at))

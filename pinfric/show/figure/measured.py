@@ -10,7 +10,6 @@ from pinfric.dynamics.inverse.result import InverseResult
 from pinfric.errors import StateError
 from pinfric.motions.log.effort_place import EFFORT_PLACES
 from pinfric.motions.log.judged import JudgedLog, measured_interval
-from pinfric.motions.summary import effort_unit
 from pinfric.show.figure.efforts import dress, rest_spans, shade, thinned
 from pinfric.show.figure.panel import sheet
 from pinfric.show.figure.style import BAND, BLUE, PALE_RED, style
@@ -46,7 +45,7 @@ def measured_figure(result: InverseResult, log: JudgedLog, trajectory: str = "")
         for axes, short, (name, compared) in zip(panels, names, log.measured.items(), strict=True):
             draw_measured(axes, result, log, name)
             i = result.actuator_names.index(name)
-            title = f"{short}, {effort_unit(result.scene, i)}: off by {compared.relative_error:.0%}"
+            title = f"{short}, {result.scene.drives[i].unit}: off by {compared.relative_error:.0%}"
             axes.set_title(title.replace("%", " %"))
             dress(axes, 5)
         panels[-1].set_xlabel("time (s)")

@@ -12,7 +12,7 @@ import numpy as np
 from pinfric.dynamics.inverse.result import runs
 from pinfric.dynamics.simulation.motion import Motion
 from pinfric.model.brief import counted
-from pinfric.model.coordinates import one_number
+from pinfric.model.coordinates import is_sliding, one_number
 from pinfric.model.described import PLACE, SPEED, effort_where, unit_at
 from pinfric.show.figure.efforts import dress, shade, thinned
 from pinfric.show.figure.panel import key_below, sheet
@@ -101,11 +101,18 @@ def _rows(motion: Motion) -> list[_Row]:
         if joint.nv != 1:
             continue
         q = one_number(joint, motion.q)
-        slides = joint.shortname().startswith("JointModelP")
         velocity = motion.v[:, joint.idx_v]
         s = at.pop(name, -1)
         rows.append(
-            _Row(name, slides, q, velocity, s, _kind(motion, s, velocity), float(np.ptp(q)))
+            _Row(
+                name,
+                is_sliding(joint),
+                q,
+                velocity,
+                s,
+                _kind(motion, s, velocity),
+                float(np.ptp(q)),
+            )
         )
     for name, s in at.items():
         column = sites[s].velocity_index

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pinfric.model.described import SPEED, unit_at
-from pinfric.motions.summary import effort_unit
 from pinfric.show.figure.panel import key_below, panel, sheet
 from pinfric.show.figure.style import BLUE, GRID, INK, ORANGE, RED, style
 from pinfric.show.report.names import picture_names
@@ -44,7 +43,7 @@ def stop_figure(result: StopResult) -> Figure:
 
 def axis_pictures(result: StopResult, drive: int) -> tuple[Figure, Figure]:
     """Return one drive's two pictures of `draw_stop`."""
-    unit = effort_unit(result.scene, drive)
+    unit = result.scene.drives[drive].unit
     speed, upper = panel("time from the command, ms", f"speed, {unit_at(SPEED, unit)}")
     effort, lower = panel("time from the command, ms", f"effort of the gear, {unit}")
     draw_stop(upper, lower, result, drive)
@@ -60,7 +59,7 @@ def draw_stop(upper: Axes, lower: Axes, result: StopResult, drive: int) -> None:
         drive: its number.
     """
     stop, motion = result.worst_motions[drive]
-    unit = effort_unit(result.scene, drive)
+    unit = result.scene.drives[drive].unit
     reaction = result.settings.reaction_time
     t = 1e3 * (reaction + motion.t)
     end = 1e3 * (stop.time + 0.1 * max(stop.time, 0.01))

@@ -21,7 +21,6 @@ from pinfric.identification.summary import (
     predicted,
 )
 from pinfric.model.described import SPEED, unit_at
-from pinfric.motions.summary import effort_unit
 from pinfric.show.figure.measured import draw_measured
 from pinfric.show.figure.panel import panel, svg
 from pinfric.show.figure.style import BLUE, RED
@@ -107,7 +106,7 @@ def _over_time(identified: Identified) -> list[Figure]:
     Logs follow one another; measured efforts are moved back by the delay.
     """
     names = identified.scene.joint_names
-    units = [effort_unit(identified.scene, j) for j in range(len(names))]
+    units = [identified.scene.drives[j].unit for j in range(len(names))]
     figures = [panel("time, s", f"effort, {unit}", 10.0, 2.9) for unit in units]
     start = 0.0
     for number in range(len(identified.recordings)):
@@ -124,7 +123,7 @@ def _over_time(identified: Identified) -> list[Figure]:
 
 def _residual_clouds(identified: Identified, joint: int) -> dict[str, Figure]:
     """Draw one joint's residual over velocity and over load, where a missing law shows."""
-    unit = effort_unit(identified.scene, joint)
+    unit = identified.scene.drives[joint].unit
     velocity, load, off = left_over(identified, joint)
     few = np.unique(np.linspace(0, off.size - 1, min(_DOTS, off.size)).astype(int))
     result = {}

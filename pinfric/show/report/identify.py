@@ -11,7 +11,6 @@ from pinfric.identification.identify import Identified
 from pinfric.identification.parameters import Parameter
 from pinfric.identification.summary import IdentifySummary, predicted
 from pinfric.model.brief import counted
-from pinfric.motions.summary import effort_unit
 from pinfric.show.report.rows import table_of
 from pinfric.show.report.tables import Column, ColumnKind, Report, Table, paragraphs
 from pinfric.show.report.values import digits, percent, rough, span
@@ -111,7 +110,7 @@ def friction_table(identified: Identified) -> Table | None:
         if any(x in f for f in found.values())
     ]
     units = {
-        joint: effort_unit(identified.scene, identified.scene.joint_names.index(joint))
+        joint: identified.scene.drives[identified.scene.joint_names.index(joint)].unit
         for joint in found
     }
     same = set(units.values()) == {"N m"}
