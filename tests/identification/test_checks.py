@@ -168,7 +168,7 @@ def test_two_robots_are_logs_that_carry_and_explain_each_other_worse_than_themse
 
 
 def test_robots_whose_efforts_no_log_tells_apart_are_refused():
-    with pytest.raises(IdentificationError, match="closed loops"):
+    with pytest.raises(IdentificationError, match="the loop"):
         pf.identify(pf.load_scene("four_bar"), short())
 
 

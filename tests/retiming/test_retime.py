@@ -51,7 +51,7 @@ def test_a_hose_speeds_one_way_and_slows_the_other():
         model.addBodyFrame(name, n, pin.SE3.Identity(), 0)
     ends = {"a": {"link": "ground", "xyz": [1, 0, 0]}, "b": {"link": "body", "xyz": [0, 0.5, 0]}}
     rubbing = scene.with_(model=model, springs=[rubs | ends], friction={"rod": dry(1.0)})
-    with pytest.raises(pf.PinfricError, match=r"friction\.rod couples efforts and friction"):
+    with pytest.raises(pf.PinfricError, match=r"friction along the spring 'rod' couples"):
         retime(rubbing, straight(6.0), limits)
 
 
