@@ -7,6 +7,11 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
+from pinfric.model.floating import POSE, base_numbers, base_rates, free_joint
+
+#: What files call the components of a wrench on a frame, behind its name: N, then N m.
+WRENCH = ("fx", "fy", "fz", "mx", "my", "mz")
+
 
 def one_number(joint: Any, q: np.ndarray) -> np.ndarray:
     """Return (T,) the angle (unwrapped) or length of a one-degree joint, from q (T, nq)."""
@@ -40,26 +45,26 @@ def motion_columns(
 ) -> dict[str, np.ndarray]:
     """Return columns `<joint>.q`, then all `.v`, then all `.a`, as `load_trajectory` reads them.
 
-    A joint with several degrees of freedom has columns `<joint>.q[0]` and so on, a mimic follower
-    none. q is (T, nq), v and a are (T, nv).
+    A free base has columns `<joint>.x.q` and so on (`floating.POSE`), another joint with several
+    degrees of freedom `<joint>.q[0]` and so on, a mimic follower none. q is (T, nq), v and a are
+    (T, nv).
     """
-    columns: dict[str, np.ndarray] = {}
+    base, columns = free_joint(model), dict[str, np.ndarray]()
     moving = [
         (name, joint)
         for name, joint in list(zip(model.names, model.joints, strict=True))[1:]  # not the ground
         if joint.nv and joint.shortname() != "JointModelMimic"
     ]
-    for name, joint in moving:
-        if joint.nv == 1:
-            columns[f"{name}.q"] = one_number(joint, q)
-        else:
-            columns |= {f"{name}.q[{i}]": q[:, joint.idx_q + i] for i in range(joint.nq)}
-    for letter, rates in (("v", v), ("a", a)):
+    numbers = base_numbers(q) if base else q
+    of_base = numbers, *(base_rates(numbers, v[:, :6], a[:, :6]) if base else (v, a))
+    for letter, rates, own in zip("qva", (q, v, a), of_base, strict=True):
         for name, joint in moving:
-            if joint.nv == 1:
-                columns[f"{name}.{letter}"] = rates[:, joint.idx_v]
+            count, first = (joint.nv, joint.idx_v) if letter != "q" else (joint.nq, joint.idx_q)
+            if name == base:
+                columns |= {f"{name}.{part}.{letter}": own[:, k] for k, part in enumerate(POSE)}
+            elif joint.nv == 1:
+                own_rate = one_number(joint, q) if letter == "q" else rates[:, first]
+                columns[f"{name}.{letter}"] = own_rate
             else:
-                columns |= {
-                    f"{name}.{letter}[{i}]": rates[:, joint.idx_v + i] for i in range(joint.nv)
-                }
+                columns |= {f"{name}.{letter}[{i}]": rates[:, first + i] for i in range(count)}
     return columns

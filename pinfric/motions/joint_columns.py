@@ -14,6 +14,7 @@ import pinocchio as pin
 from pinfric.errors import TrajectoryError, problems_line
 from pinfric.model.arrays import FloatArray
 from pinfric.model.coordinates import is_sliding, unwrapped_angle
+from pinfric.model.floating import POSE, base_configuration, base_motion, free_joint
 
 #: rad or m (rad/s, m/s); a value this far beyond a limit is rounding of the file, no violation.
 LIMIT_TOLERANCE = 1.0e-6
@@ -24,7 +25,8 @@ _UNLIMITED = 1.0e300  # Pinocchio's "no limit" is inf or the largest float
 class JointColumn:
     """A one-dof joint as a file sees it: one number; limits in rad or m, infinite where none.
 
-    `follows` says how a mimic follower depends on its leader; empty for all others.
+    `follows` says how a mimic follower depends on its leader; empty for all others. `free`: one of
+    the six numbers of a free base (`floating.POSE`), whose v and a are others (`base_motion`).
     """
 
     name: str
@@ -36,6 +38,7 @@ class JointColumn:
     upper: float
     velocity_limit: float
     follows: str = ""
+    free: bool = False
 
     @property
     def why(self) -> str:
@@ -43,15 +46,24 @@ class JointColumn:
         return f"; it follows {self.follows}" if self.follows else ""
 
 
-def joint_columns(model: pin.Model, source: str = "model") -> tuple[JointColumn, ...]:
+def joint_columns(
+    model: pin.Model, source: str = "model", free_base: bool = False
+) -> tuple[JointColumn, ...]:
     """Return the joints a file has a column for: one dof each, mimic followers left out.
+
+    `free_base`: whether a base that floats has six columns.
 
     Raises:
         TrajectoryError: planar, spherical or floating joints, which files cannot describe.
     """
+    base = free_joint(model) if free_base else ""
     joints = list(zip(model.names, model.joints, strict=True))[1:]  # the first is the ground
     moving = [(name, joint) for name, joint in joints if joint.nv > 0]
-    several = [f"{name} ({joint.nv} degrees of freedom)" for name, joint in moving if joint.nv > 1]
+    several = [
+        f"{name} ({joint.nv} degrees of freedom)"
+        for name, joint in moving
+        if joint.nv > 1 and name != base
+    ]
     if several:
         raise TrajectoryError(
             f"{source}: files give one number per joint, which is not enough for "
@@ -59,6 +71,9 @@ def joint_columns(model: pin.Model, source: str = "model") -> tuple[JointColumn,
         )
     columns = []
     for name, joint in moving:
+        if name == base:
+            columns += base_columns(name)
+            continue
         lower, upper = -np.inf, np.inf
         if joint.nq == 1:
             low, high = model.lowerPositionLimit[joint.idx_q], model.upperPositionLimit[joint.idx_q]
@@ -68,6 +83,16 @@ def joint_columns(model: pin.Model, source: str = "model") -> tuple[JointColumn,
         place = joint.idx_q, joint.idx_v, joint.nq
         columns.append(JointColumn(name, *place, unit, lower, upper, speed))
     return tuple(columns)
+
+
+def base_columns(name: str) -> list[JointColumn]:
+    """Return the six columns of the first joint, a free base."""
+    return [
+        JointColumn(
+            f"{name}.{part}", k, k, 1, "m" if k < 3 else "rad", -np.inf, np.inf, np.inf, free=True
+        )
+        for k, part in enumerate(POSE)
+    ]
 
 
 def stated_range(low: float, high: float) -> tuple[float, float]:
@@ -128,12 +153,28 @@ def velocity_warnings(
 def configurations(columns: Sequence[JointColumn], position: FloatArray, nq: int) -> FloatArray:
     """Return Pinocchio's q (T, nq) from one number per joint: cos, sin where continuous."""
     q = np.zeros((position.shape[0], nq))
+    if free := [index for index, column in enumerate(columns) if column.free]:
+        q[:, :7] = base_configuration(position[:, free])
     for index, column in enumerate(columns):
+        if column.free:
+            continue
         q[:, column.index_q] = position[:, index]
         if column.nq == 2:
             q[:, column.index_q] = np.cos(position[:, index])
             q[:, column.index_q + 1] = np.sin(position[:, index])
     return q
+
+
+def rates(
+    columns: Sequence[JointColumn], position: FloatArray, v: FloatArray, a: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return Pinocchio's v, a (T, nv) from the derivatives of one number per joint."""
+    free = [index for index, column in enumerate(columns) if column.free]
+    if not free:
+        return v, a
+    v, a = v.copy(), a.copy()
+    v[:, free], a[:, free] = base_motion(position[:, free], v[:, free], a[:, free])
+    return v, a
 
 
 def single_positions(q: FloatArray, joint_nq: Sequence[int]) -> FloatArray:

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import os
 import warnings
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import Any, Protocol
@@ -22,8 +22,9 @@ from pinfric.dynamics.inverse.result import runs
 from pinfric.errors import PinfricError, PinfricWarning, TrajectoryError, choose_from
 from pinfric.model.arrays import BoolArray, FloatArray, real_numbers
 from pinfric.model.brief import counted, file_name, listed, screen
-from pinfric.model.coordinates import from_angles
+from pinfric.model.coordinates import WRENCH, from_angles
 from pinfric.model.files import write_file
+from pinfric.model.floating import POSE, base_numbers, base_rates
 from pinfric.model.magnitudes import LARGEST_OF_A_MOTION, impossible
 from pinfric.model.robot import Robot
 from pinfric.model.scene import Scene, expect_scene
@@ -36,6 +37,7 @@ from pinfric.motions.joint_columns import (
     joint_columns,
     limit_problems,
     listing,
+    rates,
     refuse,
     single_positions,
     unit_circle_problems,
@@ -85,6 +87,8 @@ class Trajectory:
         attached: (T, np) bool, which payload is carried at each sample; columns `payload_names`.
         payload_names: (np,) all payloads of the scene, in its order.
         joint_names: the joints in the model's order, mimic followers left out.
+        external: frame -> (T, 6) measured wrench on it, in its axes at its origin (N, N m), which
+            inverse dynamics takes where it is given none.
         source: where it came from, for messages.
         joint_nq: entries of q per joint in `joint_names` (2: continuous); default 1 each.
         warnings: what a person should look at (velocity limits exceeded, noisy derivatives).
@@ -110,6 +114,7 @@ class Trajectory:
     reading: Reading | None = None
     rating: Rating | None = None
     assembly: str = ""
+    external: Mapping[str, FloatArray] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         for name in ("t", "q", "v", "a"):
@@ -126,6 +131,7 @@ class Trajectory:
             ("v", self.v.shape[:1], (count,)),
             ("a", self.a.shape, self.v.shape),
             ("attached", self.attached.shape, (count, len(self.payload_names))),
+            *((f"external[{n!r}]", np.shape(w), (count, 6)) for n, w in self.external.items()),
         )
         wrong = [
             f"{name} has shape {shape} where {needed} is needed"
@@ -147,6 +153,7 @@ class Trajectory:
         a: ArrayLike | None = None,
         attached: Mapping[str, ArrayLike] | None = None,
         source: str = "trajectory",
+        external: Mapping[str, ArrayLike] | None = None,
     ) -> Trajectory:
         """Make a trajectory of any model (planar and floating joints too) from arrays.
 
@@ -158,6 +165,7 @@ class Trajectory:
             v, a: (T, nv), or None.
             attached: payload name -> (T,) bool or one bool; others as the scene's defaults.
             source: name for messages.
+            external: see `Trajectory`.
 
         Raises:
             TrajectoryError: no scene; shapes, values, limits or names that do not fit; all at once.
@@ -201,8 +209,9 @@ class Trajectory:
             moving = {name: int(nq) for name, nq, nv in joints if nv > 0}
             q, v, a = arrays.values()
             phases = _attached_columns(payloads, carried, rows)
-            names, nqs = tuple(moving), tuple(moving.values())
-            return cls(times, q, v, a, phases, tuple(payloads), names, source, nqs)
+            names, nqs, on = tuple(moving), tuple(moving.values()), _wrenches(source, external)
+            of_payloads = phases, tuple(payloads)
+            return cls(times, q, v, a, *of_payloads, names, source, nqs, external=on)
         columns = joint_columns(model, source)
         refuse(source, unit_circle_problems(columns, arrays["q"]))
         nothing = np.full((rows, model.nv), np.nan)
@@ -214,7 +223,8 @@ class Trajectory:
             {name: np.asarray(values, dtype=bool) for name, values in carried.items()},
             np.zeros(len(columns)),
         )
-        return _from_table(source, scene, columns, columns, table)
+        motion = _from_table(source, scene, columns, columns, table)
+        return replace(motion, external=_wrenches(source, external))
 
     def __repr__(self) -> str:
         rate = (self.t.size - 1) / self.duration if self.duration else 0.0
@@ -247,18 +257,27 @@ class Trajectory:
         Raises:
             TrajectoryError: a joint with several degrees of freedom has no one number.
         """
-        if any(nq not in (1, 2) for nq in self.joint_nq) or sum(self.joint_nq) != self.q.shape[1]:
+        self._one_number_each(self.joint_nq)
+        return single_positions(self.q, self.joint_nq)
+
+    def _one_number_each(self, joint_nq: Sequence[int]) -> None:
+        whole = sum(self.joint_nq) == self.q.shape[1]
+        if any(nq not in (1, 2) for nq in joint_nq) or not whole:
             raise TrajectoryError(
                 f"{self.source}: planar, spherical or floating joints have several positions; use q"
             )
-        return single_positions(self.q, self.joint_nq)
 
     def with_speed(self, scale: float) -> Trajectory:
         """Return the same path `scale` times as fast: t / scale, v scale, a scale^2; no warnings.
 
         Raises:
-            TrajectoryError: scale is not positive.
+            TrajectoryError: scale is not positive; forces were measured, at another speed.
         """
+        if self.external:
+            raise TrajectoryError(
+                f"{self.source}: the forces on {listing(self.external)} were measured at one speed "
+                "and are others at another; leave `external` out"
+            )
         if not (np.isfinite(scale) and scale > 0.0):
             raise TrajectoryError(
                 f"speed scale is {scale}; give a positive number (2: twice as fast)"
@@ -292,13 +311,24 @@ class Trajectory:
         Raises:
             TrajectoryError: a joint with several degrees of freedom; the file cannot be written.
         """
-        names = self.joint_names
+        names, single = self.joint_names, self.joint_nq
+        q, v, a = self.q, self.v, self.a
+        if base := self.joint_nq[:1] == (7,):
+            names = *(f"{names[0]}.{part}" for part in POSE), *names[1:]
+            numbers, single = base_numbers(q), single[1:]
+            of_base = base_rates(numbers, v[:, :6], a[:, :6])
+            v, a = (np.hstack([own, x[:, 6:]]) for own, x in zip(of_base, (v, a), strict=True))
+        self._one_number_each(single)
+        position = single_positions(q[:, 7 * base :], single)
+        position = np.hstack([numbers, position]) if base else position
         header = ["t", *names, *(f"{n}.v" for n in names), *(f"{n}.a" for n in names)]
+        header += [f"{n}.{part}" for n in self.external for part in WRENCH]
         header += [f"payload.{name}" for name in self.payload_names]
         # + 0.0 turns -0.0 into 0.0
-        numbers = np.column_stack((self.t, self.joint_positions(), self.v, self.a)) + 0.0
-        formats = [f"%.{digits}g"] * numbers.shape[1] + ["%d"] * len(self.payload_names)
-        rows = np.column_stack((numbers, self.attached.astype(np.float64)))
+        parts = self.t, position, v, a, *self.external.values()
+        table = np.column_stack(parts) + 0.0
+        formats = [f"%.{digits}g"] * table.shape[1] + ["%d"] * len(self.payload_names)
+        rows = np.column_stack((table, self.attached.astype(np.float64)))
 
         def write(file: Path) -> None:
             np.savetxt(file, rows, fmt=formats, delimiter=",", header=",".join(header), comments="")
@@ -362,7 +392,7 @@ def read_trajectory(
         if not (os.path.isdir(path_of(path, TrajectoryError)) and is_bag(Path(path))):
             path = find_file(path, (".csv", ".waypoints.yaml", ".yaml", ".yml"), TrajectoryError)
         source, name = Path(path), str(path)
-    columns = joint_columns(scene.model, name)
+    columns = joint_columns(scene.model, name, free_base=not getattr(scene, "loops", ()))
     if isinstance(source, Path) and source.suffix.lower() in (".yaml", ".yml"):
         if options.unit is not None:
             raise TrajectoryError(
@@ -386,9 +416,13 @@ def read_trajectory(
     robot = getattr(scene, "robot", None)  # none of a model made in Python
     said, choose = Remarks(), partial(named_columns, scene, columns)
     locked, payloads = _locked(robot) if robot else {}, list(scene.payloads)
-    named, table, reading = read_log(source, columns, payloads, choose, options, said, locked)
+    frames = [frame.name for frame in scene.model.frames]
+    read = source, columns, payloads, choose, options, said, locked, frames
+    named, table, reading = read_log(*read)
     trajectory = _from_table(name, scene, columns, named, table, said.problems, reading.filtered)
-    return replace(trajectory, reading=reading, warnings=(*reading.notes, *trajectory.warnings))
+    on = in_frames(scene.model, trajectory.q, reading.external, reading.world)
+    notes = *reading.notes, *trajectory.warnings
+    return replace(trajectory, reading=reading, warnings=notes, external=on)
 
 
 def _locked(robot: Robot) -> dict[str, tuple[float, str]]:
@@ -429,6 +463,7 @@ def _from_table(
     with np.errstate(all="ignore"):  # what overflows is found below, by what it comes to
         v, a = complete_derivatives(named, table, wrong, said)
     refuse(source, wrong or _value_problems(table.t, (("v", v), ("a", a))))
+    v, a = rates(columns, table.position, v, a)
     assembly = ""
     if isinstance(scene, Scene) and scene.loops:
         derived = filtered or bool(
@@ -451,12 +486,43 @@ def _from_table(
         a=a,
         attached=_attached_columns(_defaults(scene), table.attached, table.t.size),
         payload_names=tuple(scene.payloads),
-        joint_names=tuple(column.name for column in columns),
+        **_joints(columns),
         source=source,
-        joint_nq=tuple(column.nq for column in columns),
         warnings=tuple(said),
         assembly=assembly,
     )
+
+
+def _joints(columns: Sequence[JointColumn]) -> dict[str, Any]:
+    """Names and entries of q of the joints; a free base is one joint of 7."""
+    single = [column for column in columns if not column.free]
+    base = [column.name.rpartition(".")[0] for column in columns if column.free][:1]
+    names = *base, *(column.name for column in single)
+    return {"joint_names": names, "joint_nq": (*[7] * len(base), *(c.nq for c in single))}
+
+
+def _wrenches(source: str, external: Mapping[str, ArrayLike] | None) -> dict[str, FloatArray]:
+    return {
+        name: np.atleast_2d(real_numbers(f"{source}: external[{name!r}]", wrench, TrajectoryError))
+        for name, wrench in (external or {}).items()
+    }
+
+
+def in_frames(
+    model: pin.Model, q: FloatArray, external: Mapping[str, FloatArray], world: Collection[str]
+) -> dict[str, FloatArray]:
+    """Return wrenches (T, 6) in the axes of their frames; those of `world` are in the world's.
+
+    q: (T, nq).
+    """
+    data, turned = model.createData(), {name: wrench.copy() for name, wrench in external.items()}
+    places = {name: model.getFrameId(name) for name in world if name in turned}
+    for i in range(len(q) if places else 0):
+        pin.forwardKinematics(model, data, q[i])
+        for name, frame in places.items():
+            R = pin.updateFramePlacement(model, data, frame).rotation
+            turned[name][i] = np.concatenate([R.T @ turned[name][i, :3], R.T @ turned[name][i, 3:]])
+    return turned
 
 
 def _defaults(scene: HasModel) -> dict[str, bool]:

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from pinfric.dynamics.inverse.balance import LIMIT, Balance
 from pinfric.dynamics.inverse.result import InverseResult, StickInterval, runs
 from pinfric.dynamics.samples.outcome import Status
 from pinfric.elastic.motion import Elasticity
 from pinfric.elastic.summary import ElasticSummary, elastic_summary
-from pinfric.model.described import EFFORT, described, quantity
+from pinfric.model.described import EFFORT, derived, described, quantity
 from pinfric.model.massless import massless_joints
 from pinfric.motions.log.judged import JudgedLog, LogSummary, log_summary
 from pinfric.motions.summary import ActuatorSummary, beyond_limits, payload_phases, summarize
@@ -33,6 +34,22 @@ class Span:
 
 
 @described
+class BaseSummary:
+    """What the forces given leave of a free base's six equations."""
+
+    force: float = quantity("RMS of the force left", "N")
+    moment: float = quantity("RMS of the moment left", "N m")
+    share: float = quantity("of the weight, or of the weight at the base's height", "1")
+    limit: float = quantity("condition on the share", "1")
+
+    @property
+    @derived()
+    def within(self) -> bool:
+        """Whether the share is within its condition."""
+        return self.share <= self.limit
+
+
+@described
 class InverseSummary:
     """What inverse dynamics found along one motion."""
 
@@ -50,6 +67,9 @@ class InverseSummary:
     input: LogSummary | None = quantity("how the log was read; none: the motion is not a log")
     elasticity: ElasticSummary | None = quantity("effects of elastic gears; none: all are rigid")
     massless: tuple[str, ...] = quantity("joints that move no mass: their efforts are friction")
+    base: BaseSummary | None = quantity(
+        "what given forces leave at a free base; none: it is fixed", default=None
+    )
 
 
 def inverse_summary(
@@ -97,4 +117,9 @@ def inverse_summary(
         input=None if log is None else log_summary(log),
         elasticity=None if elastic is None else elastic_summary(elastic),
         massless=massless_joints(result.scene, result.scene.payloads),
+        base=None if result.balance is None else _base_summary(result.balance),
     )
+
+
+def _base_summary(balance: Balance) -> BaseSummary:
+    return BaseSummary(balance.force, balance.moment, balance.share, LIMIT)

@@ -52,13 +52,13 @@ def test_one_sample_with_derivatives_is_fine(tmp_path):
     assert (motion.duration, motion.v[0, 0], motion.a[0, 0]) == (0.0, 0.5, -3.0)
 
 
-def test_planar_and_floating_joints_are_for_python_only(tmp_path):
-    model = chain(("base", pin.JointModelFreeFlyer()), ("a", pin.JointModelRZ()))
+def test_planar_joints_are_for_python_only(tmp_path):
+    model = chain(("base", pin.JointModelPlanar()), ("a", pin.JointModelRZ()))
     scene = SimpleNamespace(model=model, payloads={})
     path = write(tmp_path, "m.csv", "t,a\n0,0\n1,0\n")
-    assert "not enough for base (6 degrees of freedom)" in message(path, scene)
+    assert "not enough for base (3 degrees of freedom)" in message(path, scene)
     q = np.tile(pin.neutral(model), (3, 1))
-    motion = Trajectory.from_arrays(scene, [0, 1, 2], q, np.zeros((3, 7)), np.zeros((3, 7)))
+    motion = Trajectory.from_arrays(scene, [0, 1, 2], q, np.zeros((3, 4)), np.zeros((3, 4)))
     assert motion.joint_names == ("base", "a")
     with pytest.raises(TrajectoryError, match="have several positions"):
         motion.to_csv(tmp_path / "out.csv")

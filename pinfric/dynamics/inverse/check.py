@@ -343,7 +343,10 @@ def _check_sample(sample: _Sample, largest: _Largest) -> bool:
     for n, state in enumerate(states):
         x = np.concatenate([state.effort, state.friction_coordinates])
         remainder, wrench = sample.left(x, state.multipliers)
-        excess = np.abs(remainder) - (slack if n else free)
+        beside = remainder.copy()
+        if result.base_residual is not None:  # what forces leave at a free base is stated
+            beside[:6] -= result.base_residual[i]
+        excess = np.abs(beside) - (slack if n else free)
         note("equilibrium", velocity_names(scene.model), np.maximum(excess, 0.0))
         note("equilibrium", sites, (wrench[at] - state.wrench).T)
         largest.beside("equilibrium", state.effort, wrench)

@@ -9,6 +9,7 @@ from typing import Any, overload
 
 import numpy as np
 
+from pinfric.dynamics.inverse.balance import check_reading
 from pinfric.dynamics.inverse.linkage import solve_linkage
 from pinfric.dynamics.inverse.result import InverseResult
 from pinfric.dynamics.inverse.tree import solve_tree
@@ -81,7 +82,9 @@ def inverse_dynamics(
         scene: the robot with its friction and drives.
         q, v, a: (T, nq), (T, nv), (T, nv) in rad, m and per second; or, in place of q alone, a
             motion that has t, q, v, a (and `attached`).
-        external: frame name -> (T, 6) or (6,) wrench on it, in its axes at its origin (N, N m).
+        external: frame name -> (T, 6) or (6,) wrench on it, in its axes at its origin (N, N m);
+            None: those of the motion, if it has any. What they leave at a free base is a result
+            (`base_residual`).
         t: (T,) times in s, for reversals, stick intervals and time-weighted figures; None: states
             without order, no reversals are looked for.
         attached: (T, np) which payloads are carried; columns as `scene.payloads`.
@@ -98,6 +101,7 @@ def inverse_dynamics(
         LoopMotionError: a loop is open, or the motion violates it.
         SceneError: redundant drives without `share`.
         UndrivenMotionError: a joint without a drive needs one.
+        StateError: forces in other axes, or with the other sign, would balance a free base.
 
     Warns:
         PinfricWarning: angles that are within the joints' limits only in degrees; joints faster
@@ -111,12 +115,17 @@ def inverse_dynamics(
     [(0.0, 0.2), (1.2, 1.7), (2.5, 2.8)]
     """
     states = _states(scene, q, v, a, t, attached)
+    if external is None:
+        external = getattr(q, "external", None) or None
     applied = applied_wrenches(scene, external, len(states.q))
     check_shares(scene)
     built = built_up(scene, states, position_known)
     solve = solve_linkage if scene.linkage is not None else partial(solve_tree, built=built)
     if chunks is None:
-        return solve(scene, states, applied, slice(0, len(states.q)), threads)
+        result = solve(scene, states, applied, slice(0, len(states.q)), threads)
+        if result.balance is not None:
+            check_reading(scene, states, external or {}, result.balance)
+        return result
     parts = slices(0, len(states.q), whole_number("chunks", chunks))
     return (solve(scene, states, applied, part, threads) for part in parts)
 

@@ -12,6 +12,7 @@ import warnings
 
 import numpy as np
 
+from pinfric.dynamics.inverse.balance import base_rows
 from pinfric.dynamics.inverse.effort_maps import (
     link_samples,
     loop_wrenches,
@@ -74,7 +75,9 @@ def solve_linkage(
     uncertain = free if scene.mobility.undriven else free[:, plan.sites.entry_count == 3]
     exact = (answer.status == Status.CONVERGED) & ~answer.searched & ~uncertain.any(axis=1)
     check_roll_moments(scene, wrench, whole.start)
-    check_undriven(scene, states, whole, answer.lower[:, na:], answer.upper[:, na:])
+    base = base_rows(scene, applied)
+    check_undriven(scene, states, whole, answer.lower[:, na:], answer.upper[:, na:], base)
+    at = [na + scene.mobility.undriven.index(v) for v in base]
     efforts = answer.lower[:, :na], answer.upper[:, :na]
     torques = motor_torques(scene, states, whole, efforts, *drive_motion)
     return InverseResult(
@@ -98,6 +101,7 @@ def solve_linkage(
         multipliers=multipliers,
         interval_exact=exact,
         interval_searched=answer.searched,
+        base_residual=frictionless[:, at] if base else None,
         redundant=plan.closure.multipliers > scene.model.nv - plan.closure.freedoms,
         actuator_velocity=drive_motion[0, inner],
         actuator_acceleration=drive_motion[1, inner],

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pinfric.dynamics.inverse.balance import Balance, balance_of
 from pinfric.dynamics.inverse.check import Check, check_result
 from pinfric.dynamics.inverse.solutions import find_jamming_site, find_solutions
 from pinfric.dynamics.samples.outcome import Solution, SolvedMotion, Status
 from pinfric.errors import StateError
 from pinfric.model.brief import counted, file_name, listed, screen
-from pinfric.model.coordinates import motion_columns
+from pinfric.model.coordinates import WRENCH, motion_columns
 from pinfric.model.described import derived, described, quantity
 from pinfric.model.upward import Shown
 
@@ -112,6 +114,14 @@ class InverseResult(SolvedMotion, Shown):  # noqa: D101 (that of its fields)
         if not 0 <= sample < len(self.status):
             raise StateError(f"there is no sample {sample}; there are {len(self.status)}")
 
+    @cached_property
+    def balance(self) -> Balance | None:
+        """What the forces given leave at a free base; None as `base_residual`."""
+        residual = self.base_residual
+        if residual is None:
+            return None
+        return balance_of(self.scene, self.states, self.external, residual)
+
     @property
     def t(self) -> np.ndarray | None:
         """(T,) times in s, or None."""
@@ -173,7 +183,8 @@ class InverseResult(SolvedMotion, Shown):  # noqa: D101 (that of its fields)
         """Return all columns with names: `t`, the motion, then the results.
 
         The motion is `<joint>.q` (one number: an angle or a length), `.v`, `.a`, and
-        `payload.<name>` if the trajectory has it: a CSV of it is a trajectory again. Then come
+        `payload.<name>` if the trajectory has it, and `<joint>.fx` to `.mz` for forces given on the
+        link that a joint moves, in the joint's frame: a CSV of it is a trajectory again. Then come
         `<actuator>.<quantity>` and `<site>.<quantity>`.
         """
         import pandas as pd
@@ -186,6 +197,13 @@ class InverseResult(SolvedMotion, Shown):  # noqa: D101 (that of its fields)
                 f"payload.{name}": states.attached[:, p].astype(np.int8)
                 for p, name in enumerate(self.scene.payloads)
             }
+        on: dict[int, np.ndarray] = {}
+        for one in self.external:
+            if one.joint >= 0:  # on the ground they load no joint
+                on[one.joint] = one.wrench + on.get(one.joint, 0.0)
+        for joint, wrench in on.items():
+            name = self.joint_names[joint]
+            columns |= dict(zip((f"{name}.{part}" for part in WRENCH), wrench.T, strict=True))
         for array in ACTUATOR_QUANTITIES:
             for i, name in enumerate(self.actuator_names):
                 columns[f"{name}.{array}"] = getattr(self, array)[:, i]

@@ -8,9 +8,12 @@ iteration. At rest phi is anywhere between its static limits, and u an interval 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import pinocchio as pin
 
+from pinfric.dynamics.inverse.balance import base_rows
 from pinfric.dynamics.inverse.result import InverseResult
 from pinfric.dynamics.inverse.undriven import check_undriven, narrow_friction
 from pinfric.dynamics.problem.plan import drive_delivery
@@ -91,12 +94,14 @@ def solve_tree(
     if reacting:
         check_roll_moments(scene, wrench, whole.start)
     answer = {name: getattr(results, name) for name in _FOUND}
+    base = base_rows(scene, applied)
+    left = results.effort_frictionless[:, base].copy() if base else None
     around = states.around(whole)
     v, a = states.v[around], states.a[around]
     if at_ends is not None:  # of the joints, then of their drives
         at_ends = tuple(np.ascontiguousarray(x @ drive_delivery(scene).T) for x in at_ends)
     if not scene.one_drive_each:
-        answer |= _on_drives(scene, states, whole, results)
+        answer |= _on_drives(scene, states, whole, results, base)
         v, a = (drive_rates(scene.drives, rates, v[:, :0]) for rates in (v, a))
     efforts = answer["effort_lower"], answer["effort_upper"]
     check_finite(scene, efforts, whole.start)
@@ -120,6 +125,7 @@ def solve_tree(
         interval_searched=np.zeros(T, dtype=bool),
         redundant=False,
         presliding=built,
+        base_residual=left,
         actuator_velocity=v[states.inside(whole)],
         actuator_acceleration=a[states.inside(whole)],
     )
@@ -218,12 +224,12 @@ def write_plain_efforts(
 
 
 def _on_drives(
-    scene: Scene, states: States, whole: slice, joints: TreeSamples
+    scene: Scene, states: States, whole: slice, joints: TreeSamples, left: Sequence[int]
 ) -> dict[str, np.ndarray]:
     """Map the joints' efforts to their drives; raises the errors of `check_undriven`."""
     P, undriven = drive_delivery(scene), list(scene.mobility.undriven)
     lower, upper = joints.effort_lower, joints.effort_upper
-    check_undriven(scene, states, whole, lower[:, undriven], upper[:, undriven])
+    check_undriven(scene, states, whole, lower[:, undriven], upper[:, undriven], left)
     narrow_friction(scene, joints.effort_frictionless, joints.friction_lower, joints.friction_upper)
     # joints' frictions are independent: so are the ends of their efforts
     lower, upper = deliver_interval(P, lower, upper)

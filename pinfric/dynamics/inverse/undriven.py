@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import pinocchio as pin
 
@@ -33,7 +35,12 @@ def check_shares(scene: Scene) -> None:
 
 
 def check_undriven(
-    scene: Scene, states: States, whole: slice, lower: np.ndarray, upper: np.ndarray
+    scene: Scene,
+    states: States,
+    whole: slice,
+    lower: np.ndarray,
+    upper: np.ndarray,
+    left: Sequence[int] = (),
 ) -> None:
     """Refuse a motion that needs an effort where no drive is.
 
@@ -42,18 +49,21 @@ def check_undriven(
         states: of all samples. whole: the T samples that were solved.
         lower, upper: (T, number undriven) least and greatest effort there, over all frictions; NaN
             where there is no solution.
+        left: velocities at which the rest is reported (`balance.base_rows`).
 
     Raises:
         UndrivenMotionError: 0 is not between them, beyond rounding.
     """
-    undriven = list(scene.mobility.undriven)
+    judged = [k for k, v in enumerate(scene.mobility.undriven) if v not in left]
+    undriven = [scene.mobility.undriven[k] for k in judged]
     if not undriven or not len(lower):
         return
+    lower, upper = lower[:, judged], upper[:, judged]
     missing, weights = (
         np.nan_to_num(np.fmax(np.fmax(lower, -upper), 0.0)),
         _weights(scene)[undriven],
     )
-    if (missing <= negligible_efforts(scene)).all():
+    if (missing <= negligible_efforts(scene)[judged]).all():
         return  # without the terms of the motion, which take longer
     size = np.maximum(_terms(scene, states.part(whole)), weights)
     sample, place = np.unravel_index(np.argmax(missing / np.maximum(size, 1e-300)), missing.shape)

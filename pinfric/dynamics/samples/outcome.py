@@ -85,6 +85,8 @@ class SolvedMotion:
             of |F|^2 + |M/l|^2 over all joints.
         actuator_velocity, actuator_acceleration: (T, na) of what each drive moves (rad/s or m/s,
             and per second).
+        base_residual: (T, 6) force and moment that the forces given leave to act on a free base, in
+            its axes at its origin (N, N m); None where it is fixed, or no force is given.
         presliding: shares of friction that have built up; None where it acts at once, or samples
             have no order.
 
@@ -116,6 +118,7 @@ class SolvedMotion:
     actuator_velocity: np.ndarray
     actuator_acceleration: np.ndarray
     presliding: BuiltUp | None = None
+    base_residual: np.ndarray | None = None
 
     @property
     def joint_effort_lower(self) -> np.ndarray:

@@ -21,6 +21,7 @@ from pinfric.errors import TrajectoryError, choose_from
 from pinfric.model.entry import Entry, Forms, Number, Positive, key, optional, parse
 from pinfric.model.yamlfile import brief, cut, read_yaml
 from pinfric.motions.joint_columns import JointColumn, listing
+from pinfric.motions.log.base import BaseMapping, WrenchMapping, wrench_columns
 from pinfric.motions.log.episodes import EPISODES
 from pinfric.motions.log.frame import Remarks
 
@@ -174,6 +175,14 @@ class ColumnsFile(Entry):
         {"elbow": {"position": "J3", "unit": "deg", "sign": -1}, "wrist": "J4"},
         default_factory=dict,
     )
+    base: BaseMapping | None = optional(
+        "the pose of a base that floats", {"position": ["x", "y", "z"], "quaternion": list("abcd")}
+    )
+    external: dict[str, WrenchMapping] = key(
+        "by frame: the force on it, as of a foot",
+        {"left_foot": {"force": ["lfx", "lfy", "lfz"], "axes": "world"}},
+        default_factory=dict,
+    )
 
 
 @dataclass(frozen=True)
@@ -205,6 +214,7 @@ class Columns:
     effort: dict[str, Use] = field(default_factory=dict)
     planned: bool = True
     payloads: list[str] = field(default_factory=list)
+    wrench: dict[str, dict[int, str]] = field(default_factory=dict)
     ignored: list[str] = field(default_factory=list)
     unclear: str = ""
 
@@ -213,6 +223,7 @@ class Columns:
         uses = (self.position, self.velocity, self.acceleration, self.effort)
         names = [name for name in (self.time, self.nanoseconds) if name]
         names += [use.column for uses_of in uses for use in uses_of.values()]
+        names += [column for parts in self.wrench.values() for column in parts.values()]
         return list(dict.fromkeys([*names, *(PAYLOAD + name for name in self.payloads)]))
 
 
@@ -238,10 +249,12 @@ def find_columns(
     mapping: ColumnsFile | None,
     said: Remarks,
     currents: Collection[str] = (),
+    frames: Collection[str] = (),
 ) -> Columns:
     """Say which column is what.
 
     Args:
+        frames: of the robot, on which forces may have columns.
         first: the first row's texts. mapping: what a person says.
         joints, payloads: those that may have columns.
         said: what is missing, twice there or unknown is added here.
@@ -249,16 +262,21 @@ def find_columns(
     """
     columns, problems = Columns(), said.problems
     names = [joint.name for joint in joints]
+    driven = [joint.name for joint in joints if not joint.free]  # those that columns may number
+    columns.wrench = wrench_columns(
+        header, frames, {} if mapping is None else mapping.external, problems
+    )
+    forces = {column for parts in columns.wrench.values() for column in parts.values()}
     claims: dict[tuple[str, str], list[str]] = {}
     numbered = {}  # number -> joint, from columns `name_0` or `name[0]` that hold the joints' names
     for column, cell in zip(header, first, strict=False):
         match = _NUMBERED.match(_marked(column[:_LONGEST_NAME]))
         if match and match[2].lower() == "name":
             numbered[next(x for x in match.groups()[2:] if x is not None)] = cell.strip()
-    if any(map(_MOTOR_STATE.search, header)) and (order := _unitree_order(names)):
+    if any(map(_MOTOR_STATE.search, header)) and (order := _unitree_order(driven)):
         numbered = {str(number): joint for number, joint in enumerate(order)}
         said.notes.append(f"motors are numbered in Unitree's order: {listing(order)}")
-    for column in dict.fromkeys(header):
+    for column in (name for name in dict.fromkeys(header) if name not in forces):
         meaning = meaning_of(column, names, numbered)
         if column.startswith(PAYLOAD):
             short = column.removeprefix(PAYLOAD)
@@ -282,8 +300,8 @@ def find_columns(
     if mapping is not None:
         _apply(mapping, header, names, claims, columns, problems)
     uneven = ""
-    if not columns.position and not any(quantity == "position" for _, quantity in claims):
-        uneven = _take_in_order(header, names, claims, said, currents)
+    if not any(n in columns.position or (n, "position") in claims for n in driven):
+        uneven = _take_in_order(header, driven, claims, said, currents)
     _settle(claims, columns, problems, currents)
     turned = [use.column for use in columns.position.values() if _ODRIVE.search(use.column)]
     if any(use.unit is None for use in columns.position.values() if use.column in turned):

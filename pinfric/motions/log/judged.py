@@ -204,14 +204,19 @@ def _effort_bound(result: InverseResult, noise: DerivativeNoise) -> FloatArray:
     scene, states = replace(result.scene, measured=None), result.states  # speeds are mentioned
     q, v, a = (np.ascontiguousarray(x[places]) for x in (states.q, states.v, states.a))
     attached = None if states.attached is None else states.attached[places]
+    external: dict[str, FloatArray] = {}
+    for one in result.external:
+        if one.joint >= 0:  # on the ground they load no joint
+            name, wrench = scene.joint_names[one.joint], one.wrench[places]
+            external[name] = wrench + external.get(name, 0.0)
 
     def efforts(v: FloatArray, a: FloatArray) -> FloatArray:
-        computed = inverse_dynamics(scene, q, v, a, attached=attached)
+        computed = inverse_dynamics(scene, q, v, a, external, attached=attached)
         return 0.5 * (computed.effort_lower + computed.effort_upper)
 
     plain, samples = efforts(v, a), np.arange(count)
     variance, shift, cut = (np.zeros_like(result.effort_upper) for _ in range(3))
-    for k, column in enumerate(joint_columns(scene.model)):
+    for k, column in enumerate(joint_columns(scene.model, free_base=True)):
         moving, index = noise.moving[:, k], column.index_v
         if not moving.any():
             continue

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
@@ -17,6 +17,7 @@ from pinfric.model.magnitudes import LARGEST_OF_A_MOTION
 from pinfric.model.yamlfile import brief
 from pinfric.motions.joint_columns import JointColumn, listing, refuse
 from pinfric.motions.log.bags import is_bag, open_bag
+from pinfric.motions.log.base import with_base, wrenches
 from pinfric.motions.log.columns import (
     PAYLOAD,
     Columns,
@@ -99,6 +100,7 @@ def read_log(
     options: ReadingOptions,
     said: Remarks,
     locked: Mapping[str, tuple[float, str]] = MappingProxyType({}),
+    frames: Collection[str] = (),
 ) -> Logged:
     """Read a file of one of the `SUFFIXES`, a bag's folder, or arrays.
 
@@ -107,6 +109,7 @@ def read_log(
         choose: names of the joints that have positions, problems -> the joints that must have.
         options: what the person said. said: everything wrong in the file is added here.
         locked: joint -> where the scene fixes it, and in what, "rad" or "m".
+        frames: of the robot, on which forces may have columns.
 
     Raises:
         TrajectoryError: the file cannot be opened, or holds nothing to compute with.
@@ -119,7 +122,10 @@ def read_log(
     log = one_episode(log, mapping.episode if mapping else None, said)
     refuse(name, said.problems)
     said.notes += log.notes
-    columns = find_columns(log.header, log.first, joints, payloads, mapping, said, options.currents)
+    log = with_base(log, joints, mapping.base if mapping else None, said)
+    refuse(name, said.problems)
+    found = joints, payloads, mapping, said, options.currents, frames
+    columns = find_columns(log.header, log.first, *found)
     columns.effort = {x: use for x, use in columns.effort.items() if x not in options.without}
     columns.time_unit = options.time_unit or columns.time_unit or log.units.get(columns.time)
     options = replace(options, unit=options.unit or (mapping.unit if mapping else None))
@@ -142,6 +148,10 @@ def read_log(
     turns = [factor for column, factor in zip(named, factors, strict=True) if column.unit == "rad"]
     said.problems += _moving_though_locked(log, columns.ignored, locked, (turns or [1.0])[0])
     if not said.problems:
+        if columns.wrench:
+            axes = {} if mapping is None else mapping.external
+            world = frozenset(frame for frame, entry in axes.items() if entry.axes == "world")
+            samples.said(world=world)
         samples = smooth(samples, regularise(samples), options)
         if samples.reading.filtered and columns.planned and columns.velocity and not log.recorded:
             samples.said(
@@ -257,6 +267,7 @@ def _to_si(
         said.notes += mismatch_warnings(named, table)
         nothing = np.broadcast_to(np.nan, position.shape)
         table = replace(table, velocity=nothing, acceleration=nothing)
+    external = wrenches(columns.wrench, cells, taken)
     reading = Reading(
         t.size,
         cells.dropped + len(cells.values) - t.size,
@@ -264,6 +275,7 @@ def _to_si(
         cutoff={column.name: None for column in named},
         notes=tuple(said.notes),
         effort=efforts,
+        external=external,
     )
     recorded, rows = log.recorded or bool(columns.effort), np.arange(t.size, dtype=np.float64)
     logged = velocity if columns.velocity else None
@@ -304,14 +316,21 @@ def _finish(samples: Samples, recorded: bool, thinning: Thinning | None) -> None
                 f"positions have almost no noise ({largest:.1e}): already smooth, not filtered"
             )
         samples.problems += [gap for gap in gap_problems(t) if gap not in samples.problems]
-    taken = {}
-    for name, effort in reading.effort.items():
-        whole = np.interp(samples.rows, np.arange(effort.size), effort)
+    step = float(t[-1] - t[0]) / max((t.size - 1) * samples.every, 1)
+
+    def at_samples(column: FloatArray) -> FloatArray:
+        whole = np.interp(samples.rows, np.arange(column.size), column)
         if thinning and samples.every > 1:
-            step = float(t[-1] - t[0]) / ((t.size - 1) * samples.every)
             whole = thinning.effort(whole, step)[:: samples.every].copy()  # a view would keep all
-        taken[name] = whole
-    samples.said(effort=taken)
+        return whole
+
+    samples.said(
+        effort={name: at_samples(effort) for name, effort in reading.effort.items()},
+        external={
+            name: np.column_stack([at_samples(part) for part in wrench.T])
+            for name, wrench in reading.external.items()
+        },
+    )
 
 
 def _quantity(

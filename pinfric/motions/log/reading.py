@@ -125,6 +125,8 @@ class Reading:
         cutoff: joint -> Hz; None: not filtered.
         notes: a line for everything that was guessed, repaired or filtered.
         noise_line: the one on noise and what was done about it.
+        external: frame -> (T, 6) the log's own wrench on it, N and N m.
+        world: frames whose wrenches are in the world's axes, not in theirs.
         effort: joint -> (T,) the log's own effort at the motion's samples, N m or N.
         uncertain: what stays uncertain in the derivatives; None where nothing was filtered.
     """
@@ -138,6 +140,8 @@ class Reading:
     notes: tuple[str, ...] = ()
     noise_line: str = ""
     effort: Mapping[str, FloatArray] = field(default_factory=dict)
+    external: Mapping[str, FloatArray] = field(default_factory=dict)
+    world: frozenset[str] = frozenset()
     uncertain: DerivativeNoise | None = None
 
     @property

@@ -51,10 +51,10 @@ def inverse_report(
         for joint, drive in zip(summary.joints, result.scene.drives, strict=True)
         if drive.transmission is not None and joint.motor_unit != "N"  # it has a shaft
     ]
-    failing = [f"! {line}" for line in summary.beyond_limits]
+    failing = [f"! {line}" for line in (*summary.beyond_limits, *unbalanced(summary))]
     zero = ROUNDING * max((s.motor_peak for s in geared), default=0.0)
     # What the table cannot say: how often joints rest, and what is carried
-    lines = ["no joint has friction"]
+    base, lines = summary.base, ["no joint has friction"]
     if sites := summary.sites:
         sticking = sum(site.stick_intervals > 0 for site in sites)
         resting = f"{sticking} of {counted(len(sites), 'joint')} with friction stick"
@@ -65,6 +65,11 @@ def inverse_report(
     for name, spans in summary.payloads.items():
         times = ", ".join(f"{digits(span.start)}-{digits(span.end)} s" for span in spans)
         lines.append(f"payload {name}: {f'carried {times}' if spans else 'not carried'}")
+    if base is not None:
+        lines.append(
+            f"at the free base the forces given leave {digits(base.force)} N and "
+            f"{digits(base.moment)} N m (RMS), {text_of(base.share, '%')} of the weight"
+        )
     return paragraphs(
         [verdict(result, summary), *failing],
         _effort_table(result, summary),
@@ -103,11 +108,26 @@ def verdict(result: InverseResult, summary: InverseSummary) -> str:
     elif summary.massless:
         moves = "moves" if len(summary.massless) == 1 else "move"
         within += f"; {', '.join(summary.massless)} {moves} no mass: friction only"
+    if unbalanced(summary):
+        within += "; the forces given do not balance the base"
     narrow = f"; {counted(summary.too_narrow, 'sample')} whose intervals may be too narrow"
     found = result.scene.quick_findings
     said = [*(f"not to be used: {line}" for line in errors(found))]
     said += lines(f for f in found if f.unsigned and f.severity == Severity.WARNING)
     return "; ".join([f"{solved}; {within}" + narrow * (summary.too_narrow > 0), *said])
+
+
+def unbalanced(summary: InverseSummary) -> list[str]:
+    """Return that the forces given do not balance a free base, beyond the condition, or nothing."""
+    base = summary.base
+    if base is None or base.within:
+        return []
+    return [
+        f"the forces given do not balance the motion: they leave {digits(base.force)} N and "
+        f"{digits(base.moment)} N m (RMS) at the base, {text_of(base.share, '%')} of the weight; "
+        f"the condition is {text_of(base.limit, '%')}: check their sensors, frames and times, and "
+        "the robot's mass"
+    ]
 
 
 def log_lines(log: JudgedLog | None, units: Mapping[str, str]) -> list[str]:
