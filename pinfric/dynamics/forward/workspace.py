@@ -35,6 +35,7 @@ from pinfric.errors import (
     PinfricError,
     SceneError,
 )
+from pinfric.friction.balls import kernel_of_balls
 from pinfric.friction.gears import bind, fit, gear_margins, hold_chosen, one_answer, write_rows
 from pinfric.friction.given_modes import judge, reduce_problem, try_modes
 from pinfric.friction.law import add_load_slopes, evaluate, stick_limits
@@ -478,7 +479,7 @@ def rehearse(ws: Workspace) -> None:
     if not ws.nv:
         return
     q, v, effort = closed_configuration(ws.scene), np.zeros(ws.nv), np.zeros(ws.na)
-    m = ws.argument
+    m, balls = ws.argument, ws.mechanism.ball.any()
     state = m, q, v, effort
     for function, arguments in (
         (solve_instant, (*state, 0.0, FREE)),
@@ -489,7 +490,7 @@ def rehearse(ws: Workspace) -> None:
         (is_exact, (m, q)),
         *ws.kernels_of_sliding(),
         *_kernels_of_search(ws.problem, ws.modes),
-        *([] if ws.mechanism.ball.any() else kernels_of_tree(ws.problem, ws.closed)),
+        *([kernel_of_balls()] if balls else kernels_of_tree(ws.problem, ws.closed)),
     ):
         compile_for(function, *arguments)
     if ws.machine.kinematics.tilt.size:
