@@ -787,6 +787,8 @@ def _temperatures(
 
 
 _RATINGS = tuple(figure.name for figure in fields(Ratings))
+#: A figure that was computed from others ("line": the speed-torque line), and how.
+Note = tuple[str, str]
 
 
 def ratings_of(entry: Motor | GearMotor) -> Ratings:
@@ -796,53 +798,45 @@ def ratings_of(entry: Motor | GearMotor) -> Ratings:
     with k per ampere of the phase current's peak and a phase's resistance R_ph, 2/sqrt(3) k and
     2 R_ph (3/2 R_ph i^2 is lost; sqrt(3) times a phase's voltage is the bus's).
     """
-    own = vars(entry)
-    there = {name: own[name] for name in _RATINGS if name in own}
-    ratings, derived = Ratings(**there), list[tuple[str, str]]()
-    k, current = ratings.torque_constant, getattr(entry, "continuous_current", None)
-    continuous, stall, resistance = (
-        ratings.continuous_torque,
-        ratings.stall_torque,
-        ratings.resistance,
+    # 1. as printed; a drive of a kind of its own has torques of its own
+    own, special = vars(entry), entry.special
+    ratings, derived = (
+        Ratings(**{name: own[name] for name in _RATINGS if name in own}),
+        list[Note](),
     )
-    if (special := getattr(entry, "special", None)) is not None:
-        continuous, text = special.torques
-        derived += [(figure, text) for figure in ("continuous torque", "peak torque")]
+    if special is not None:
+        torque, text = special.torques
         highest = ratings.max_voltage or special.highest_voltage
-        ratings = replace(ratings, special=special, peak_torque=continuous, max_voltage=highest)
-    if continuous is None and current is not None and k is not None:
-        continuous = k * current
-        text = "continuous torque = torque constant x continuous current"
-        derived.append(("continuous torque", text))
-    peak = ratings.peak_torque
+        ratings = replace(
+            ratings,
+            special=special,
+            continuous_torque=torque,
+            peak_torque=torque,
+            max_voltage=highest,
+        )
+        derived += [("continuous torque", text), ("peak torque", text)]
+    # 2. torques
     if isinstance(entry, GearMotor):
-        blocked, current = entry.stall_torque, entry.peak_current
-        if continuous is None and blocked is not None:
-            continuous, text = continuous_torque(blocked)
-            derived.append(("continuous torque", text))
-        text, printed = "the stall torque, a momentary maximum", peak
-        peak = blocked if peak is None else peak
-        if current is not None and k is not None and (peak is None or k * current < peak):
-            text, peak = "torque constant x largest current of its electronics", k * current
-        derived += [("peak torque", text)] if peak != printed else []
-    if k is not None and entry.current != "dc":
-        k *= PER_DC_AMPERE[entry.current]
-        text = f"{PER_DC_AMPERE[entry.current]:.4g} of the torque constant, which is per A "
-        derived.append(("line", f"{text}{entry.current}, for an equivalent DC motor"))
-    if isinstance(entry, Motor) and resistance is not None and entry.resistance_of == "phase":
-        resistance *= 2.0
-        derived.append(("line", "2 x the resistance of a phase between terminals"))
-    if resistance is None and k is not None and stall is not None and ratings.nominal_voltage:
-        resistance = k * ratings.nominal_voltage / stall
-        derived.append(("line", "resistance = torque constant x nominal voltage/stall torque"))
-    curve, stalled = ratings.continuous_curve, ratings.continuous_stall_torque
-    if curve is None and continuous and stalled and ratings.rated_speed and stalled > continuous:
-        curve = ((0.0, stalled), (ratings.rated_speed, continuous))
+        continuous, peak, notes = _torques_by_stall(entry, ratings)
+    else:
+        continuous, peak, notes = _torque_by_current(entry, ratings)
+    derived += notes
+    # 3. the equivalent DC motor
+    k, resistance, notes = _dc_motor(entry, ratings)
+    derived += notes
+    # 4. over the speed
+    curve, stall = ratings.continuous_curve, ratings.stall_torque
+    rated, no_load, stalled = (
+        ratings.rated_speed,
+        ratings.no_load_speed,
+        ratings.continuous_stall_torque,
+    )
+    if curve is None and continuous and stalled and rated and stalled > continuous:
+        curve = ((0.0, stalled), (rated, continuous))
         text = "along a line from the one at standstill to the one at the rated speed"
         derived.append(("continuous torque", text))
     if continuous is None and ratings.continuous_curve is not None:
         continuous = max(torque for _, torque in ratings.continuous_curve)
-    rated, no_load = ratings.rated_speed, ratings.no_load_speed
     if stall is None and continuous is not None and rated and no_load and rated < no_load:
         stall = continuous / (1 - rated / no_load)
         text = "speed-torque line through the rated point and the no-load speed"
@@ -861,6 +855,51 @@ def ratings_of(entry: Motor | GearMotor) -> Ratings:
         "derived": tuple(derived),
     }
     return Ratings(**vars(ratings) | completed)  # `replace` takes twice the time
+
+
+def _torque_by_current(
+    motor: Motor, ratings: Ratings
+) -> tuple[float | None, float | None, list[Note]]:
+    """The continuous torque that its current makes, and the peak as printed; and how."""
+    continuous, k = ratings.continuous_torque, ratings.torque_constant
+    if continuous is not None or motor.continuous_current is None or k is None:
+        return continuous, ratings.peak_torque, []
+    text = "continuous torque = torque constant x continuous current"
+    return k * motor.continuous_current, ratings.peak_torque, [("continuous torque", text)]
+
+
+def _torques_by_stall(
+    entry: GearMotor, ratings: Ratings
+) -> tuple[float | None, float | None, list[Note]]:
+    """Continuous and peak torque of a gearmotor, by its stall torque and its electronics."""
+    notes, blocked, current = list[Note](), entry.stall_torque, entry.peak_current
+    continuous, printed, k = ratings.continuous_torque, ratings.peak_torque, ratings.torque_constant
+    if continuous is None and blocked is not None:
+        continuous, text = continuous_torque(blocked)
+        notes.append(("continuous torque", text))
+    text, peak = "the stall torque, a momentary maximum", blocked if printed is None else printed
+    if current is not None and k is not None and (peak is None or k * current < peak):
+        text, peak = "torque constant x largest current of its electronics", k * current
+    return continuous, peak, notes + ([("peak torque", text)] if peak != printed else [])
+
+
+def _dc_motor(
+    entry: Motor | GearMotor, ratings: Ratings
+) -> tuple[float | None, float | None, list[Note]]:
+    """Torque constant and resistance between terminals of the equivalent DC motor."""
+    notes = list[Note]()
+    k, resistance, stall = ratings.torque_constant, ratings.resistance, ratings.stall_torque
+    if k is not None and entry.current != "dc":
+        k *= PER_DC_AMPERE[entry.current]
+        text = f"{PER_DC_AMPERE[entry.current]:.4g} of the torque constant, which is per A "
+        notes.append(("line", f"{text}{entry.current}, for an equivalent DC motor"))
+    if isinstance(entry, Motor) and resistance is not None and entry.resistance_of == "phase":
+        resistance *= 2.0
+        notes.append(("line", "2 x the resistance of a phase between terminals"))
+    if resistance is None and k is not None and stall is not None and ratings.nominal_voltage:
+        resistance = k * ratings.nominal_voltage / stall
+        notes.append(("line", "resistance = torque constant x nominal voltage/stall torque"))
+    return k, resistance, notes
 
 
 def gearmotor_drive(name: str, entry: GearMotor) -> Candidate:
