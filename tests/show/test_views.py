@@ -2,6 +2,7 @@
 
 import doctest
 import pickle
+from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
@@ -77,9 +78,7 @@ def test_repr_of_a_result_without_solution_or_times_says_so():
     instants = pf.inverse_dynamics(slope, [[0.0]], [[1.0]], [[0.0]])
     assert "1 sample\n" in repr(instants)
     lost = np.full_like(instants.effort_lower, np.nan)
-    broken = pf.InverseResult(
-        **{**instants.__dict__, "effort_lower": lost, "effort_upper": lost, "status": np.array([1])}
-    )
+    broken = replace(instants, effort_lower=lost, effort_upper=lost, status=np.array([1]))
     assert "1 jammed" in repr(broken)
     bare = sliding_block()
     assert "friction  none" in repr(bare)
