@@ -23,6 +23,7 @@ from pinfric.model.coordinates import from_angles
 from pinfric.model.couples import check_couples, taking_part
 from pinfric.model.drives import Drive, Gears, gear_table
 from pinfric.model.entry import parse
+from pinfric.model.floating import free_joint
 from pinfric.model.laws import FrictionLaw, Laws, checked_law, friction_law, law_table
 from pinfric.model.loops import (
     Linkage,
@@ -46,6 +47,7 @@ from pinfric.model.schema import (
     OTHERS,
     Actuator,
     Assumed,
+    Foot,
     Friction,
     Loop,
     LoopTolerance,
@@ -68,6 +70,8 @@ if TYPE_CHECKING:
 
 #: m/s^2; ten times that of the largest planet, above which it is in mm/s^2.
 _LARGEST_GRAVITY = 250.0
+#: Fields that are mappings; their read-only views cannot be pickled.
+_MAPPINGS = ("friction", "payloads", "feet")
 _COMPONENT_NAMES = ("vx", "vy", "vz", "wx", "wy", "wz")
 
 
@@ -164,6 +168,7 @@ class Scene:
         closed_brakes: drive -> torque (N m) of a closed brake at its motor's shaft: dry friction
             there, in forward dynamics with torques of motors given.
         springs: springs and hoses, as `Spring` or as the mappings of a scene file.
+        feet: link -> foot on which a robot with a free base stands, as `Foot` or as mappings.
         start: near which the loops close: joint -> position (rad or m), 0 for those left out, or an
             array (nq,); None: that of `simulation`.
 
@@ -195,6 +200,7 @@ class Scene:
     closed_brakes: Mapping[str, float] = field(default_factory=dict)
     start: Mapping[str, float] | Sequence[float] | None = None
     springs: Sequence[Spring] = ()
+    feet: Mapping[str, Foot] = field(default_factory=dict)
     mobility: Mobility = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -223,6 +229,7 @@ class Scene:
         set_(self, "friction", MappingProxyType(friction))
         payloads = entries(Payload, "robot.payloads", self.payloads)
         set_(self, "payloads", MappingProxyType(payloads))
+        set_(self, "feet", MappingProxyType(entries(Foot, "feet", self.feet)))
         if self.actuators is not None:
             listed = enumerate(self.actuators)
             drives = [parse(Actuator, x, self.source, at=("actuators", i)) for i, x in listed]
@@ -246,6 +253,7 @@ class Scene:
         self._check_bodies()
         self._check_payloads()
         self._check_tool()
+        self._check_feet()
         doubts = self._align() if self.loops else {}
         # errors are raised now, not at first use
         _ = self._made_of, self.linkage, self.sites, self.drives, self.ways, self.twin()
@@ -875,11 +883,11 @@ class Scene:
         self.check_unchanged()
         derived = {n for n, entry in vars(Scene).items() if isinstance(entry, cached_property)}
         kept = {key: value for key, value in self.__dict__.items() if key not in derived}
-        return kept | {"friction": dict(self.friction), "payloads": dict(self.payloads)}
+        return kept | {name: dict(getattr(self, name)) for name in _MAPPINGS}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
-        for name in ("friction", "payloads"):
+        for name in _MAPPINGS:
             self.__dict__[name] = MappingProxyType(state[name])
 
     def _check_bodies(self) -> None:
@@ -915,6 +923,18 @@ class Scene:
                 f"{self.source}: tool: {self.tool!r} is fixed to the ground and cannot move; "
                 "name a link that joints move"
             )
+
+    def _check_feet(self) -> None:
+        if self.feet and not free_joint(self.model):
+            raise SceneError(
+                f"{self.source}: feet: the base is fixed, and its feet carry nothing; write "
+                "`floating: true` under `robot`"
+            )
+        for name in self.feet:
+            try:
+                link_frame(self.model, name)
+            except RobotError as problem:
+                raise SceneError(f"{self.source}: feet: {problem}") from None
 
     def _site(self, name: str, row: int, twin: Twin) -> Site:
         friction = self.friction[name]

@@ -111,6 +111,7 @@ def load_scene(path: str | Path) -> Scene:
         stops=entries.stops,
         sized=entries.sized,
         springs=entries.springs,
+        feet=entries.feet,
     )
 
 

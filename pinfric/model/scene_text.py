@@ -36,6 +36,8 @@ def scene_content(scene: Scene, robot: Robot, folder: Path, urdf: str = "") -> d
             | ({"transmission": _dump(drive.transmission)} if drive.transmission else {})
             for drive in scene.actuators
         ]
+    if scene.feet:
+        content["feet"] = {name: _dump(foot) for name, foot in scene.feet.items()}
     content["stick"] = {"velocity": scene.stick_velocity}
     if scene.tool is not None:
         content["tool"] = scene.tool

@@ -142,6 +142,19 @@ class RobotEntry(Entry):
     )
 
 
+class Foot(Entry):
+    """A foot on which a robot with a free base stands, on one level ground."""
+
+    mu: Positive = key("coefficient of friction of the ground", 0.6, "1", default=0.6)
+    length: NonNegative = key(
+        "of its sole, along x of its frame, whose origin is in the middle; 0: a point",
+        0.2,
+        "m",
+        default=0.0,
+    )
+    width: NonNegative = key("of its sole, along y of its frame", 0.1, "m", default=0.0)
+
+
 def _added_term(named: tuple[str, Any] | str) -> FrictionTerm | None:
     if isinstance(named, str):  # see `Entry._known_keys`
         raise PydanticKnownError("extra_forbidden")
@@ -671,6 +684,12 @@ class SceneFile(Entry):
         "the drives; without it one ideal drive per joint", [{"joint": "joint_1"}]
     )
     springs: SpringsKey = Field(default_factory=list)
+    feet: dict[str, Foot] = key(
+        "links on which a robot with a free base stands: where a motion brings no forces, these "
+        "are within friction",
+        {"left_sole": {"length": 0.2, "width": 0.1}},
+        default_factory=dict,
+    )
     stick: Stick = key("when a joint is at rest", {"velocity": 1e-06}, default=Stick())
     tool: str | None = optional(
         "link whose frame is the tool's; its position error due to elastic gears is computed, "

@@ -1,4 +1,4 @@
-"""Way-points of the tool: postures that put a frame where it is wanted, and straight lines.
+"""Way-points of the tool or a free base: postures that put frames where they are wanted.
 
 Levenberg-Marquardt from the posture before, e = log6(M(q)^-1 M_wanted), J its Jacobian:
 
@@ -23,7 +23,7 @@ import pinocchio as pin
 from pinfric.errors import TrajectoryError
 from pinfric.model.arrays import FloatArray
 from pinfric.model.scene import Scene
-from pinfric.motions.joint_columns import JointColumn
+from pinfric.motions.joint_columns import JointColumn, configurations
 from pinfric.motions.log.reading import ANGLE_UNITS
 from pinfric.motions.waypoints import WayPointFile
 
@@ -41,9 +41,30 @@ _JUMP = 0.3
 
 
 class Tool:
-    """The scene's tool by its joints' positions x (nj,), rad or m, in the model's order."""
+    """A frame by the joints' positions x (nj,), rad or m, in the model's order.
 
-    def __init__(self, scene: Any, columns: Sequence[JointColumn], source: str) -> None:
+    Args:
+        columns: (nj,) all joints. frame: its number. moving: names of those that bring it
+            somewhere; None: all.
+    """
+
+    def __init__(
+        self,
+        model: pin.Model,
+        columns: Sequence[JointColumn],
+        frame: int,
+        moving: Sequence[str] | None = None,
+    ) -> None:
+        self.columns, self.model = columns, model
+        self.data, self.frame = model.createData(), frame
+        self.moving = np.array([c.name in moving if moving is not None else True for c in columns])
+        self.low, self.high = (
+            np.array([getattr(c, x) for c in columns]) for x in ("lower", "upper")
+        )
+
+    @classmethod
+    def of(cls, scene: Any, columns: Sequence[JointColumn], source: str) -> Tool:
+        """Return the scene's tool."""
         if not isinstance(scene, Scene) or scene.tool is None:
             raise TrajectoryError(
                 f"{source}: way-points of the tool need the scene's `tool`: name its link there, "
@@ -53,17 +74,12 @@ class Tool:
             raise TrajectoryError(
                 f"{source}: way-points of the tool are for open chains; give `q` where loops close"
             )
-        self.columns, self.model = columns, scene.model
-        self.data, self.frame = scene.model.createData(), scene.model.getFrameId(scene.tool)
-        self.low, self.high = (
-            np.array([getattr(c, x) for c in columns]) for x in ("lower", "upper")
-        )
+        moving = [column.name for column in columns if not column.free]
+        return cls(scene.model, columns, scene.model.getFrameId(scene.tool), moving)
 
     def place(self, x: FloatArray) -> pin.SE3:
         """Return where the tool is."""
-        tangent = np.zeros(self.model.nv)
-        tangent[[column.index_v for column in self.columns]] = x
-        q = pin.integrate(self.model, pin.neutral(self.model), tangent)
+        q = configurations(self.columns, x[None], self.model.nq)[0]
         pin.computeJointJacobians(self.model, self.data, q)  # and where the joints are
         self.jacobian = pin.getFrameJacobian(self.model, self.data, self.frame, pin.LOCAL)
         return pin.updateFramePlacement(self.model, self.data, self.frame).copy()
@@ -92,14 +108,14 @@ class Tool:
     def _off(self, goal: pin.SE3, x: FloatArray, rows: int) -> tuple[FloatArray, FloatArray]:
         """Return what x is off, e (rows,), and its rate, J (rows, nj)."""
         off = self.place(x).actInv(goal)
-        J = self.jacobian[:, [column.index_v for column in self.columns]]
+        J = self.jacobian[:, [column.index_v for column in self.columns]] * self.moving
         if rows == 6:
             return pin.log6(off).vector, pin.Jlog6(off.inverse()) @ J
         return off.translation, J[:3]
 
     def _step(self, x: FloatArray, e: FloatArray, J: FloatArray, damping: float) -> FloatArray:
         """Return dq; joints at a limit do not push against it."""
-        free, step = np.ones(x.size, dtype=bool), np.zeros(x.size)
+        free, step = self.moving.copy(), np.zeros(x.size)
         for _ in range(x.size):
             step = np.zeros(x.size)
             A = J[:, free]
@@ -131,44 +147,100 @@ def solve_tool_points(
 ) -> tuple[WayPointFile, dict[int, BSpline]]:
     """Return the file with positions of all joints, and the joints' paths of straight moves.
 
+    A base that moves over feet which stay goes straight, too.
+
     The latter are number of a point -> spline of (nj,) positions over its move, from 0 to 1.
 
     Raises:
         TrajectoryError: no tool, a place out of reach (by how far), a line on which the posture
             jumps.
     """
-    if all(point.tool is None for point in waypoints.points):
+    if all(point.q for point in waypoints.points):
         return waypoints, {}
-    tool, names = Tool(scene, columns, source), [column.name for column in columns]
+    names = [column.name for column in columns]
     order = [names.index(n) for n in waypoints.joints or names if n in names]
     turns = np.array([column.unit == "rad" for column in columns])
     angle = ANGLE_UNITS[waypoints.unit]
     unit = np.where(turns, angle, 1.0)[order]
-    points, lines, x = [], {}, np.zeros(len(columns))
+    points, lines, x = [], dict[int, Any](), np.zeros(len(columns))
     for index, point in enumerate(waypoints.points):
-        where, wanted = f"{source}: points[{index}].tool", point.tool
-        if wanted is None:
+        where, of = f"{source}: points[{index}]", point.tool or point.base
+        if of is None:
             if len(order) != len(names) or len(point.q) != len(names):
                 return waypoints, {}  # refused where positions are checked
             x = x.copy()
             x[order] = np.array(point.q) * unit
             points.append(point)
             continue
-        begin, before = tool.place(x), x
-        goal = pin.SE3(begin.rotation, np.array(wanted.xyz))
-        if wanted.rpy is not None:
-            goal.rotation = pin.rpy.rpyToMatrix(angle * np.array(wanted.rpy))
-        if wanted.line:
-            lines[index] = _line(tool, begin, goal, x, where)
+        turned = None if of.rpy is None else angle * np.array(of.rpy)
+        if point.base is not None:
+            lines[index] = _stance(scene, columns, x, np.array(of.xyz), turned, f"{where}.base")
             x = lines[index](1.0)
         else:
-            x, e = tool.reach(goal, x)
-            if missed := tool.missed(goal, before, e):
-                raise TrajectoryError(
-                    f"{where}: {missed}; move the point, or give another before it"
-                )
+            tool, before, where = Tool.of(scene, columns, source), x, f"{where}.tool"
+            begin = tool.place(x)
+            goal = pin.SE3(begin.rotation, np.array(of.xyz))
+            if turned is not None:
+                goal.rotation = pin.rpy.rpyToMatrix(turned)
+            if point.tool is not None and point.tool.line:
+                lines[index] = _line(tool, begin, goal, x, where)
+                x = lines[index](1.0)
+            else:
+                x, e = tool.reach(goal, x)
+                if missed := tool.missed(goal, before, e):
+                    raise TrajectoryError(
+                        f"{where}: {missed}; move the point, or give another before it"
+                    )
         points.append(point.model_copy(update={"q": tuple((x[order] / unit).tolist())}))
     return waypoints.model_copy(update={"points": tuple(points)}), lines
+
+
+def _stance(
+    scene: Any,
+    columns: Sequence[JointColumn],
+    x: FloatArray,
+    xyz: FloatArray,
+    rpy: FloatArray | None,
+    where: str,
+) -> BSpline:
+    """Return the way (nj,) on which a free base goes straight to a pose while its feet stay."""
+    from scipy.interpolate import make_interp_spline
+
+    free = [k for k, column in enumerate(columns) if column.free]
+    feet = scene.feet if isinstance(scene, Scene) else {}
+    if not free or not feet:
+        raise TrajectoryError(
+            f"{where}: only of a robot whose base floats and that has `feet`: write both into the "
+            "scene (`pinfric new --floating`)"
+        )
+    legs = []
+    for name, foot in feet.items():
+        frame = scene.model.getFrameId(name)
+        joints = scene.model.supports[scene.model.frames[frame].parentJoint]
+        tool = Tool(scene.model, columns, frame, [scene.model.names[j] for j in joints])
+        legs.append((name, tool, tool.place(x), 6 if foot.length or foot.width else 3))
+    goal = x.copy()
+    goal[free] = np.concatenate([xyz, x[free][3:] if rpy is None else rpy])
+    way, postures = np.linspace(0.0, 1.0, _KNOTS), [x]
+    for s in way[1:]:
+        there = postures[-1].copy()
+        there[free] = x[free] + s * (goal[free] - x[free])
+        for name, tool, place, rows in legs:
+            there, e = tool.reach(place, there, rows)
+            if np.abs(e).max() > _REACHED:
+                raise TrajectoryError(
+                    f"{where}: at {100 * s:.0f} % of the way {name} leaves its place by "
+                    f"{np.linalg.norm(e[:3]):.3g} m, since its leg is too short or its joints at "
+                    "their limits: move the base less far"
+                )
+        if (step := np.abs(there - postures[-1])).max() > _JUMP:
+            joint = columns[int(step.argmax())].name
+            raise TrajectoryError(
+                f"{where}: at {100 * s:.0f} % of the way {joint} jumps by {step.max():.2g}: the "
+                "leg is stretched there; move the base less far"
+            )
+        postures.append(there)
+    return make_interp_spline(way, np.array(postures), k=5)
 
 
 def _line(tool: Tool, begin: pin.SE3, goal: pin.SE3, x: FloatArray, where: str) -> BSpline:

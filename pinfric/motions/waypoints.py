@@ -80,6 +80,17 @@ class ToolPose(Entry):
     line: bool = key("whether it moves there on a straight line", True, default=False)
 
 
+class BasePose(Entry):
+    """Where a free base is, its feet as at the point before; only joints of the legs move."""
+
+    xyz: Vector3 = key("its origin, in the world's axes", [0.0, 0.0, 0.3], "m")
+    rpy: Vector3 | None = optional(
+        "its axes by roll, pitch, yaw, in `unit`; left out: as at the point before",
+        [0.0, 0.1, 0.0],
+        "rad",
+    )
+
+
 class WayPoint(Entry):
     """One stop: where, how long the way there takes, how long it stays, what it grips."""
 
@@ -89,6 +100,10 @@ class WayPoint(Entry):
     tool: ToolPose | None = optional(
         "where the scene's tool is, in place of `q`; solved from the posture before",
         {"xyz": [0.4, 0.1, 0.3], "line": True},
+    )
+    base: BasePose | None = optional(
+        "where the free base is, in place of `q`; the scene's `feet` stay where they are",
+        {"xyz": [0.0, 0.0, 0.3]},
     )
     duration: Positive | None = optional(
         "of the move to this point; left out: from `speed`", 1.5, "s"
@@ -103,8 +118,8 @@ class WayPoint(Entry):
 
     @model_validator(mode="after")
     def _one_place(self) -> WayPoint:
-        if bool(self.q) == (self.tool is not None):
-            raise ValueError("give one of `q`, a number per joint, and `tool`")
+        if bool(self.q) + (self.tool is not None) + (self.base is not None) != 1:
+            raise ValueError("give one of `q`, a number per joint, `tool` and `base`")
         return self
 
 
@@ -290,7 +305,7 @@ def read_waypoints(path: Path) -> WayPointFile:
     """
 
     def check(content: bytes) -> None:
-        count = len(re.findall(rb"\b(?:q|tool)\s*:", content))
+        count = len(re.findall(rb"\b(?:q|tool|base)\s*:", content))
         if count > _MOST_POINTS:
             raise TrajectoryError(
                 f"{path}: has {count} points; way-points are at most {_MOST_POINTS}: write a "
@@ -419,6 +434,8 @@ def _check_points(
         problems.append("ramp: belongs to profile: trapezoidal; a quintic has none")
     if waypoints.points[0].tool is not None:
         problems.append("points[0].tool: the posture before is not known: give `q` here")
+    if waypoints.points[0].base is not None:
+        problems.append("points[0].base: the posture before is not known: give `q` here")
     if waypoints.points[0].duration is not None:
         problems.append("points[0].duration: the motion starts here; leave it out")
     lengths = [len(point.q) for point in waypoints.points]

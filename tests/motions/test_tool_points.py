@@ -129,7 +129,7 @@ def test_a_place_that_a_stretched_arm_reaches_only_turned_is_refused_with_both_d
         ("{tool: {xyz: [1.6, 0.2, 0.4], line: true}}", "% of the straight line the tool is "),
         ("{tool: {xyz: [-0.6, -0.2, 0.4], line: true}}", "jumps by"),
         ("{tool: {xyz: [0.6, 0.2]}}", "points[1].tool.xyz"),
-        ("{hold: 1.0}", "give one of `q`, a number per joint, and `tool`"),
+        ("{hold: 1.0}", "give one of `q`, a number per joint, `tool` and `base`"),
         (f"{{q: {UR10}, tool: {{xyz: [0.6, 0.2, 0.4]}}}}", "give one of `q`"),
     ],
 )
