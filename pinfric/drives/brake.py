@@ -174,6 +174,27 @@ def _losses(still: InverseResult) -> Iterator[tuple[Scene, States]]:
             yield bare, replace(states, attached=rest)
 
 
+class _Rest(NamedTuple):
+    """What a joint that stands still asks of a brake.
+
+    Attributes:
+        effort: (smallest, largest) that holds it, N m or N: with all help of friction, or none.
+        shaft: the same at the motor's shaft, N m; None: it has none.
+        stop: of a brake that closes at speed; None: no shaft, or its inertia is not known.
+        demand, why: what else decides, and the reason for a brake; "": none is needed.
+        no_shaft: whether it is moved by a linear motor.
+        back: efficiency of the gear that the load drives.
+    """
+
+    effort: tuple[float, float]
+    shaft: tuple[float, float] | None
+    stop: Stop | None
+    demand: RestDemand
+    why: str
+    no_shaft: bool
+    back: float
+
+
 def _standstill(
     result: InverseResult,
     of_joint: tuple[InverseResult, np.ndarray],
@@ -184,57 +205,94 @@ def _standstill(
     fitted: str | None,
 ) -> Standstill:
     """`of_joint`: at rest, and the (T,) load that a brake holds."""
+    still, rest = of_joint[0], _at_joint(result, of_joint, i, inertia, conditions)
+    own = _rounded(result, still.effort_frictionless[:, i])
+    pose = _hardest(still, i)
+    use, held = _use(still, i, pose, own[pose])
+    name, rows = _braked(rest, brakes, conditions, fitted)
+    return Standstill(
+        effort=rest.effort,
+        shaft=rest.shaft,
+        use=use,
+        held=held,
+        time=float(result.times[pose]),
+        brake=name,
+        fitted=name is not None and bool(rest.why) if fitted is None else bool(fitted),
+        criteria=(_unpowered(use, held), *rows),
+    )
+
+
+def _at_joint(
+    result: InverseResult,
+    of_joint: tuple[InverseResult, np.ndarray],
+    i: int,
+    inertia: np.ndarray,
+    conditions: Conditions,
+) -> _Rest:
     still, load = of_joint[0], _rounded(result, of_joint[1])
     least = ends_by_magnitude(still.effort_lower[:, i], still.effort_upper[:, i])[1]
-    shaft, stop, own = None, None, _rounded(result, still.effort_frictionless[:, i])
     effort = largest(_rounded(result, least)), largest(load)
-    gear = still.scene.drives[i].transmission
-    slides = still.scene.drives[i].slides
+    drive, gear = still.scene.drives[i], still.scene.drives[i].transmission
     ends = result.effort_lower[:, i], result.effort_upper[:, i]
     speed, peak = largest(result.actuator_velocity[:, i]), max(map(largest, ends))
     demand = rest_of(result.scene, i, load, peak, speed, conditions)
     back = 1.0 if gear is None else driven_efficiency(gear)
     why = demand.why_brake(conditions, back <= 0)
-    if gear is not None and not (slides and gear.ratio == 1.0):  # a linear motor has no shaft
-        least = ends_by_magnitude(still.motor_torque_lower[:, i], still.motor_torque_upper[:, i])[1]
-        shaft = largest(_rounded(result, least)), largest(load) / abs(gear.ratio)
-        if not np.isnan(inertia).any():
-            turning = np.abs(gear.ratio * result.actuator_velocity[:, i])
-            at_shaft = inertia / gear.ratio**2 + gear.rotor_inertia
-            within = demand.within(conditions)
-            stops = conditions.brake_stops
-            stop = Stop(at_shaft, turning, np.abs(load / gear.ratio), within, stops)
-    pose = _hardest(still, i)
-    use, held = _use(still, i, pose, own[pose])
-    torque = None if shaft is None else demand.reserve(conditions) * shaft[1]
+    linear = gear is not None and drive.motor_unit == "N"
+    if gear is None or linear:
+        return _Rest(effort, None, None, demand, why, linear, back)
+    shaft_least = ends_by_magnitude(still.motor_torque_lower[:, i], still.motor_torque_upper[:, i])[
+        1
+    ]
+    shaft = largest(_rounded(result, shaft_least)), largest(load) / abs(gear.ratio)
+    stop = None
+    if not np.isnan(inertia).any():
+        turning = np.abs(gear.ratio * result.actuator_velocity[:, i])
+        at_shaft = inertia / gear.ratio**2 + gear.rotor_inertia
+        within, stops = demand.within(conditions), conditions.brake_stops
+        stop = Stop(at_shaft, turning, np.abs(load / gear.ratio), within, stops)
+    return _Rest(effort, shaft, stop, demand, why, linear, back)
+
+
+def _unpowered(use: float | None, held: bool | None) -> Criterion:
+    """Whether friction alone holds a joint, all others held."""
+    formula = "static friction needed / its limit <= 1, power off and all other joints held"
+    found = compare(_HOLDING, use, 1.0, "", formula, _STATICS, "a unique static solution")
+    if held is not False:
+        return found
+    note = "it moves: friction alone does not hold it"
+    return replace(found, status=Status.NOT_REQUIRED, required=None, note=note, missing="")
+
+
+def _braked(
+    rest: _Rest, brakes: Mapping[str, Brake], conditions: Conditions, fitted: str | None
+) -> tuple[str | None, tuple[Criterion, ...]]:
+    """The brake that holds a joint, and what it must bear. `fitted`: of the drive; None: no drive.
+
+    Its torque, its energy in a stop, its wear and its coil.
+    """
+    chosen, demand, stop = fitted is not None, rest.demand, rest.stop
+    needed = bool(rest.why) and conditions.holding_brake != "any"
+    torque = None if rest.shaft is None else demand.reserve(conditions) * rest.shaft[1]
     name = fitted or None
-    if not fitted and torque is not None and (why or torque != 0.0):
+    if not fitted and torque is not None and (rest.why or torque != 0.0):
         name = smallest_brake(brakes, torque, stop)
-    needed = bool(why) and conditions.holding_brake != "any"
-    held_by = _torque(torque, stop, name, brakes, (demand, conditions), needed, fitted is not None)
-    if slides and gear is not None and shaft is None and needed and fitted is not None:
-        said, most = stated(conditions, "holding_brake"), demand.reserve(conditions) * effort[1]
+    held_by = _torque(torque, stop, name, brakes, (demand, conditions), needed, chosen)
+    said = stated(conditions, "holding_brake")
+    if rest.no_shaft and needed and chosen:
+        most = demand.reserve(conditions) * rest.effort[1]
         figures = most, 0.0, "N", LEAST_MARGIN
         held_by = Criterion(
             BRAKE, Status.FAILS, *figures, held_by.formula, _SOURCE, _NO_SHAFT, said
         )
-    if fitted == "" and not why:
-        held_by = replace(held_by, note=demand.without_brake(back))
+    if fitted == "" and not rest.why:
+        held_by = replace(held_by, note=demand.without_brake(rest.back))
     judged = name
-    if needed and fitted is not None and name is None and brakes:
+    if needed and chosen and name is None and brakes:
         judged = list(brakes)[-1]  # each fails by its torque or its energy, the strongest too
-    energy = _energy(stop, judged, brakes, stated(conditions, "holding_brake") if needed else "")
-    formula = "static friction needed / its limit <= 1, power off and all other joints held"
-    unpowered = compare(_HOLDING, use, 1.0, "", formula, _STATICS, "a unique static solution")
-    if held is False:
-        note = "it moves: friction alone does not hold it"
-        unpowered = replace(
-            unpowered, status=Status.NOT_REQUIRED, required=None, note=note, missing=""
-        )
+    energy = _energy(stop, judged, brakes, said if needed else "")
     wear = _wear(stop, judged, brakes, conditions)
-    criteria = (unpowered, held_by, energy, *wear, *_coil(name, brakes, conditions))
-    there = name is not None and bool(why) if fitted is None else bool(fitted)
-    return Standstill(effort, shaft, use, held, float(result.times[pose]), name, there, criteria)
+    return name, (held_by, energy, *wear, *_coil(name, brakes, conditions))
 
 
 def _unbraked(found: Standstill, holds: bool, why: str) -> Standstill:
