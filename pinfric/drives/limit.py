@@ -273,6 +273,8 @@ def signals(
 
 Figure = Callable[[Candidates], Value]
 Text = str | Callable[[Candidates], str]
+#: Names of conditions, or what returns them.
+Keys = tuple[str, ...] | Callable[[Candidates], tuple[str, ...]]
 
 
 def _always(_: Candidates) -> bool:
@@ -314,7 +316,7 @@ class Limit:
     note: Text = ""
     stage: str = "drive"
     reserve: str | float = 1.0
-    condition: Text = ""
+    condition: Keys = ()
     applies: Callable[[Candidates], Value] = _always
     endless: str = ""
     key: str = ""
@@ -383,9 +385,9 @@ class Limit:
         own = {"torque": torque, "speed": speed, "effort": d.demand.unit}
         own["place"] = "m" if d.linear else "rad"
         unit = own.get(self.unit, self.unit)
-        keys = self.condition if isinstance(self.condition, str) else self.condition(d)
+        keys = self.condition(d) if callable(self.condition) else self.condition
         reserve = [self.reserve] if isinstance(self.reserve, str) else []
-        said, margin, status = stated(d.conditions, *reserve, *keys.split()), None, None
+        said, margin, status = stated(d.conditions, *reserve, *keys), None, None
         if self.optional and required is None:
             status = Status.NOT_REQUIRED
         elif self.endless and available == np.inf:

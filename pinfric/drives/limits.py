@@ -108,20 +108,21 @@ def _lag(d: Candidates) -> Lag:
     return heat_lag(thermal, d.ratings.thermal_time, d.conditions)
 
 
-def _cooled(d: Candidates) -> str:
+def _cooled(d: Candidates) -> tuple[str, ...]:
     """The conditions that derate the continuous torque."""
-    of_class = d.ratings.max_winding_printed is None and d.ratings.ambient_curve is None
-    return "ambient" + " max_winding" * of_class + " cooling" * (d.ratings.aired(d.conditions) < 1)
+    by_class = d.ratings.max_winding_printed is None and d.ratings.ambient_curve is None
+    sets = {"ambient": True, "max_winding": by_class, "cooling": d.ratings.aired(d.conditions) < 1}
+    return tuple(key for key, does in sets.items() if does)
 
 
-def _stalled(d: Candidates) -> str:
+def _stalled(d: Candidates) -> tuple[str, ...]:
     """The same, and `thermal_time` where the winding's is not printed."""
     thermal = d.ratings.thermal
     printed = thermal is not None and thermal.winding_time is not None
-    return _cooled(d) + " thermal_time" * (not printed)
+    return _cooled(d) if printed else (*_cooled(d), "thermal_time")
 
 
-def _warmed(d: Candidates) -> str:
+def _warmed(d: Candidates) -> tuple[str, ...]:
     """The same, and `thermal_time` where neither the winding's nor the motor's is printed."""
     return _stalled(d) if d.ratings.thermal_time is None else _cooled(d)
 
@@ -175,17 +176,18 @@ def _line_formula(d: Candidates) -> str:
     return f"max |R(T_w) T_m/k + k omega| <= {most}; {hot}"
 
 
-def _bus_share(d: Candidates) -> str:
+def _bus_share(d: Candidates) -> tuple[str, ...]:
     """The conditions that set the voltage at the motor's terminals."""
-    own = d.share != d.conditions.amplifier_share
-    return "bus_voltage" + (" amplifiers" * _fed(d) if own else " amplifier_share")
+    if d.share == d.conditions.amplifier_share:
+        return "bus_voltage", "amplifier_share"
+    return ("bus_voltage", "amplifiers") if _fed(d) else ("bus_voltage",)
 
 
-def _shared_voltage(d: Candidates) -> str:
+def _shared_voltage(d: Candidates) -> tuple[str, ...]:
     """The same, and how hot the winding is."""
     guessed = np.isnan(d.asked.peak_temperature) and not np.isfinite(d.asked.mean_temperature)
     taken = bool(guessed) and d.ratings.max_winding_printed is None
-    return _bus_share(d) + " max_winding" * taken
+    return (*_bus_share(d), "max_winding") if taken else _bus_share(d)
 
 
 def _fastest(d: Candidates) -> Value:
@@ -195,10 +197,10 @@ def _fastest(d: Candidates) -> Value:
     return np.where(_has_line(d) | np.isnan(lower), speed, lower * speed)
 
 
-def _slowed(d: Candidates) -> str:
+def _slowed(d: Candidates) -> tuple[str, ...]:
     """The conditions that set the voltage, where it sets the speed."""
     by_voltage = not _has_line(d) and not np.isnan(d.motor.nominal_voltage)
-    return _bus_share(d) if by_voltage else ""
+    return _bus_share(d) if by_voltage else ()
 
 
 def _fastest_note(d: Candidates) -> str:
@@ -324,12 +326,12 @@ MOTOR_LIMITS = [
           f"bus voltage <= {MOST_OVERVOLTAGE:g} nominal voltage, or extra-low voltage",
           f"pinfric: any winding up to {EXTRA_LOW_VOLTAGE:g} V DC; above that a question",
           "nominal voltage", _nominal_note,
-          stage="pair", condition="bus_voltage",
+          stage="pair", condition=("bus_voltage",),
           endless=f"extra-low voltage, up to {EXTRA_LOW_VOLTAGE:g} V DC: any winding"),
     Limit("motor voltage", lambda d: d.motor.nominal_voltage, lambda d: d.conditions.bus_voltage,
           "V", "nominal voltage <= bus voltage, where no speed-torque line is known",
           "pinfric: what a motor gives at a lower voltage is not known then",
-          stage="pair", condition="bus_voltage", applies=_at_its_voltage_only),
+          stage="pair", condition=("bus_voltage",), applies=_at_its_voltage_only),
     Limit("speed-torque line", "voltage", lambda d: d.voltage, "V", _line_formula,
           "equivalent circuit of a DC or field-oriented motor",
           _of_motor("torque constant and resistance, or no-load speed and stall torque"),
@@ -347,24 +349,24 @@ MOTOR_LIMITS = [
     Limit("amplifier bus voltage", lambda d: d.conditions.bus_voltage,
           _bus_of_amplifier("max_voltage"), "V", "bus voltage <= highest of the amplifier",
           f"{_MAKER} of the amplifier", "highest voltage of the amplifier",
-          condition="amplifiers bus_voltage", applies=_fed),
+          condition=("amplifiers", "bus_voltage"), applies=_fed),
     Limit("amplifier least voltage", _bus_of_amplifier("min_voltage"),
           lambda d: d.conditions.bus_voltage, "V", "lowest of the amplifier <= bus voltage",
           f"{_MAKER} of the amplifier", "lowest voltage of the amplifier",
-          condition="amplifiers bus_voltage", applies=_fed),
+          condition=("amplifiers", "bus_voltage"), applies=_fed),
     Limit("amplifier peak current", "motor torque", _amplified("peak_current"), "torque",
           "max |T_m| <= torque constant x peak current of the amplifier",
           f"{_MAKER} of the amplifier", _of_amplifier("peak_current"), _amperes("peak_current"),
-          condition="amplifiers", applies=_fed, endless=_NEVER_ABOVE),
+          condition=("amplifiers",), applies=_fed, endless=_NEVER_ABOVE),
     Limit("amplifier continuous current", "motor RMS torque", _amplified("continuous_current"),
           "torque", f"{_RMS}torque constant x continuous current of the amplifier",
           f"{_MAKER} of the amplifier", _of_amplifier("continuous_current"),
-          _amperes("continuous_current"), condition="amplifiers", applies=_fed,
+          _amperes("continuous_current"), condition=("amplifiers",), applies=_fed,
           endless=_NEVER_ABOVE),
     Limit("amplifier overload", lambda d: d.asked.overdriven, _overdrive_time, "s",
           "longest time above the continuous current <= peak_time of the amplifier",
           f"{_MAKER} of the amplifier", _of_amplifier("continuous_current and peak_time"),
-          condition="amplifiers", applies=_fed, endless=_NEVER_ABOVE),
+          condition=("amplifiers",), applies=_fed, endless=_NEVER_ABOVE),
 ]
 # fmt: on
 
@@ -564,7 +566,7 @@ GEAR_LIMITS = [
     Limit("gear turns above rated torque", _peak_turns, lambda d: number(d.entry.peak_turns), "",
           "output turns with |T| > T2N in `life`, else 20,000 h <= those of its maker",
           "Neugart PLE as Beckhoff AG2250: T2B for 30,000 output revolutions in all",
-          stage="entry", condition="life", applies=_printed("peak_turns")),
+          stage="entry", condition=("life",), applies=_printed("peak_turns")),
     Limit("gear peaks per hour", _peaks_per_hour, lambda d: number(d.entry.peaks_per_hour), "1/h",
           "times an hour that |T| rises above T2N <= those of its maker",
           "Wittenstein as Beckhoff AG2300, AG3300: T2B for 1000 cycles an hour",
@@ -579,7 +581,7 @@ GEAR_LIMITS = [
     Limit(SHOCK, _collision, "gear.momentary_peak_torque", "effort",
           "collision or emergency stop <= limit for momentary peak torque", _HARMONIC,
           _shock_missing, _shock_note, stage="gear", applies=_shocked,
-          condition=lambda d: "stop_factor" if _by_stop(d) else "collision_effort"),
+          condition=lambda d: ("stop_factor" if _by_stop(d) else "collision_effort",)),
     Limit("gear momentary peaks",
           lambda d: np.nan if d.conditions.collisions is None else d.conditions.collisions.count,
           _momentary_peaks, "",
@@ -587,7 +589,7 @@ GEAR_LIMITS = [
           if _by_rule(d) else "collisions <= N",
           lambda d: "Harmonic Drive CSF/CSG catalogue, momentary peak torque"
           if _by_rule(d) else "maker's number",
-          "momentary_peaks", stage="entry", condition="collisions",
+          "momentary_peaks", stage="entry", condition=("collisions",),
           applies=lambda d: _has_gear(d) and d.conditions.collisions is not None,
           endless="the joint never moves"),
     Limit("gear maximum input speed", "input speed", "gear.max_input_speed", "rad/s",
@@ -608,7 +610,7 @@ GEAR_LIMITS = [
           "maximum input speed", stage="gear", applies=_rolls),
     Limit("gear life L10", lambda d: number(d.conditions.life), _gear_life, "h",
           lambda d: _life_of(d)[0], lambda d: _life_of(d)[1],
-          "nominal life, rated speed or rated torque", condition="life",
+          "nominal life, rated speed or rated torque", condition=("life",),
           endless="the joint never moves", optional=True),
     Limit("screw critical speed", "input speed", _of_screw(critical_speed), "rad/s",
           "ratio max |v| <= 0.8 lambda^2/l^2 sqrt(E I/(rho A))",
@@ -719,7 +721,7 @@ def _rated(what: str, carried: Callable[[Candidates], bool], names: Collection[s
               _safety_formula, _rule, _of_bearing(static), endless="no load"),
         Limit("life L10", lambda d: number(d.conditions.life), _bearing_life, "h",
               _life_formula, _rule, _of_bearing("dynamic load rating C or pitch diameter"),
-              _life_note, condition="life shock", endless="it never turns under load",
+              _life_note, condition=("life", "shock"), endless="it never turns under load",
               optional=True),
     ]
     # fmt: on
@@ -818,7 +820,7 @@ def _frequency(condition: str, hand: bool) -> Limit:
         lambda d: _LOOPS if d.case.load_inertia is None else "stiffness",
         lambda d: "of the rated payload; demanded of a cycle only" if _only_rated(d) else "",
         stage="gear",
-        condition=condition,
+        condition=(condition,),
         applies=lambda d: not d.linear and d.case.hand == hand,
         optional=True,
     )
@@ -831,12 +833,12 @@ JOINT_LIMITS = [
           "max J_load / (ratio^2 (J_motor + J_gear input))",
           _PRACTICE + "; the gear's input is on the motor's side of the compliance",
           lambda d: _LOOPS if d.case.load_inertia is None else d.missing or "rotor inertia",
-          stage="pair", condition="inertia_ratio"),
+          stage="pair", condition=("inertia_ratio",)),
     _frequency("resonance_base", hand=False),
     _frequency("resonance_hand", hand=True),
     Limit("backlash", lambda d: d.gear.backlash, lambda d: number(d.conditions.backlash), "place",
           "backlash of the gear <= conditions.backlash", _MAKER, "backlash of the gear",
-          stage="gear", condition="backlash",
+          stage="gear", condition=("backlash",),
           applies=lambda d: d.conditions.backlash is not None),
     Limit("back-driving", nothing, nothing, "", "", "", verdict=_back_driving),
 ]

@@ -218,11 +218,11 @@ def _rated(d: Candidates) -> float:
 
 
 def _supply(d: Candidates) -> float:
-    return getattr(d.conditions, _supplied(d)) / _BAR
+    return getattr(d.conditions, _supplied(d)[0]) / _BAR
 
 
-def _supplied(d: Candidates) -> str:
-    return f"{_of(d).medium}_pressure"
+def _supplied(d: Candidates) -> tuple[str, ...]:
+    return (f"{_of(d).medium}_pressure",)
 
 
 def _given(d: Candidates) -> float:
@@ -314,7 +314,7 @@ LIMITS = [
           stage="entry", applies=_cylinders),
     Limit("cylinder flow", _flow, lambda d: number(d.conditions.hydraulic_flow) * _PER_MINUTE,
           "L/min", "max |v| x area <= conditions.hydraulic_flow", "flow = speed x area",
-          "conditions.hydraulic_flow: of the valve or pump", condition="hydraulic_flow",
+          "conditions.hydraulic_flow: of the valve or pump", condition=("hydraulic_flow",),
           stage="entry", applies=_hydraulic),
     Limit("cylinder stroke", _way("travel"),
           lambda d: d.gear.stroke if d.one is None else _of(d).stroke, "m",
@@ -328,7 +328,7 @@ LIMITS = [
           lambda d: f"{d.conditions.buckling_factor:g} max F <= pi^2 E I/l^2, "
           f"l = {d.conditions.buckling_length:g} x {_length(d):.4g} m",
           "Euler; Haenchen, buckling: safety 3 to 5", "rod diameter", _bare,
-          stage="entry", reserve="buckling_factor", condition="buckling_length",
+          stage="entry", reserve="buckling_factor", condition=("buckling_length",),
           applies=_cylinders),
 ]
 # fmt: on

@@ -234,10 +234,11 @@ LIMITS = [
     Limit("stepper pull-out torque", lambda d: d.asked.pull_out, lambda _: 1.0, "",
           lambda d: f"{d.conditions.pull_out_factor:g} max |T_m|/T_pull-out(|omega|) <= 1, at rest "
           f"of {_of(d).standstill_current:g} x holding torque", _source,
-          "pull-out curve", _note, reserve="pull_out_factor", condition="bus_voltage",
+          "pull-out curve", _note, reserve="pull_out_factor", condition=("bus_voltage",),
           stage="pair", applies=lambda d: d.one is None or _steps(d)),
     Limit("stepper winding", _held_heat, lambda d: _of(d).max_winding - d.conditions.ambient,
           "K", "rise at rated current x mean (I/I_rated)^2 <= highest winding temperature - T_a",
-          "80 K and class B (SongYang SY28STH45 data sheet)", condition="ambient", applies=_steps),
+          "80 K and class B (SongYang SY28STH45 data sheet)", condition=("ambient",),
+          applies=_steps),
 ]
 # fmt: on
