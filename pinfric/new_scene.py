@@ -131,6 +131,11 @@ class Begun:
         """Of its files; of arm.urdf.xacro "arm"."""
         return self.urdf.stem.removesuffix(".urdf")
 
+    @property
+    def keyframe(self) -> tuple[str, Mapping[str, float]]:
+        """The first keyframe of an MJCF: its name, position (rad or m) by joint; else "", none."""
+        return next(iter(self.robot.keyframes.items()), ("", {}))
+
     @cached_property
     def closed(self) -> Closed | None:
         """How the loops of its file close; None without loops.
@@ -142,11 +147,12 @@ class Begun:
             return None
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", PinfricWarning)  # said where the scene is loaded
-            scene = Scene(self.robot.model, loops=loops, source=str(self.urdf))
+            start = self.keyframe[1]
+            scene = Scene(self.robot.model, loops=loops, source=str(self.urdf), start=start)
         twin, linkage = scene.twin(), scene.linkage
         assert linkage is not None
-        start = scene.start_configuration
-        q = closed_configurations(twin, linkage, start, scene.source, {}, wanted=1)[0]
+        near = scene.start_configuration
+        q = closed_configurations(twin, linkage, near, scene.source, {}, wanted=1)[0]
         return Closed(scene, q, driving_joints(twin, linkage, q))
 
     @property
@@ -217,9 +223,10 @@ def new_scene(
         ),
         "pinfric: 1",
         "robot:",
-        f"  urdf: {yaml_line(named)}" + f"  # guess: {_mass_guess(begun)}" * bool(begun.masses),
+        f"  {'urdf' if begun.masses else robot.key}: {yaml_line(named)}"
+        + f"  # guess: {_mass_guess(begun)}" * bool(begun.masses),
         *_xacro_section(robot.xacro_args if not begun.masses else {}),
-        "  gravity: [0.0, 0.0, -9.81]",
+        f"  gravity: {robot.gravity or [0.0, 0.0, -9.81]}",
         *_dynamics_section(robot),
         *_masses_section(begun),
         *_payload_section(payloads, bodies[-1]),
@@ -232,6 +239,7 @@ def new_scene(
             [
                 "simulation:                    # pinfric simulate: the robot without power for "
                 "1 s\n  t_end: 1.0",
+                *_start_section(begun),
             ]
             if guesses or any(joint.degrees > 1 for joint in joints)
             else [
@@ -270,7 +278,11 @@ def new_waypoints(begun: Begun) -> str:
     columns = joint_columns(robot.model, str(begun.urdf))
     followers = find_followers(SimpleNamespace(robot=robot, model=robot.model), columns)
     columns = tuple(_followed(column, followers) for column in columns)
-    start = [_start(column) for column in columns]
+    posed = begun.keyframe[1]
+    start = [
+        _rounded(min(max(posed[c.name], c.lower), c.upper), c) if c.name in posed else _start(c)
+        for c in columns
+    ]
     if (closed := begun.closed) is not None:  # the loops move the other joints
         q = single_positions(closed.q[None], [column.nq for column in columns])[0]
         moved = [i for i, column in enumerate(columns) if column.name in closed.driven]
@@ -492,12 +504,12 @@ def _guesses(joint: JointLoad, drive: str | None) -> dict[str, tuple[str, str]]:
 
 def _dynamics_section(robot: Robot) -> list[str]:
     movable = set(list(robot.model.names)[1:])
-    stated = [n for n, d in robot.dynamics.items() if n in movable and (d.friction or d.damping)]
+    stated = [n for n, d in robot.dynamics.items() if n in movable and any(d)]
     if not stated:
         return []
     shown = stated[0] + (f" and {len(stated) - 1} more" if len(stated) > 1 else "")
     return [
-        f"  # The URDF's <dynamics> has friction or damping of {shown}; many are placeholders.",
+        f"  # The {robot.dynamics_words}, of {shown}; many are placeholders.",
         "  urdf_dynamics: ignore        # `use`: use them if this file gives no value",
     ]
 
@@ -519,6 +531,15 @@ def _loops_section(model: pin.Model) -> list[str]:
         "#                              # then name the driven joints under `actuators`, and take",
         "#                              # `includes_drive`, `coulomb`, `viscous` from all others",
     ]
+
+
+def _start_section(begun: Begun) -> list[str]:
+    """Begin where an MJCF's first keyframe stands."""
+    name, positions = begun.keyframe
+    if not positions:
+        return []
+    start = yaml_line({"q": dict(positions)})
+    return [f"  start: {start}  # keyframe {yaml_line(name)}"]
 
 
 def _file_loops_section(closed: Closed) -> list[str]:

@@ -53,18 +53,16 @@ def joint_findings(
         if meshes:
             yield from _efforts(robot, facts)
         movable = set(robot.model.names)
-        stated = {
-            name: d
-            for name, d in robot.dynamics.items()
-            if name in movable and (d.friction or d.damping)
-        }
+        stated = {name: d for name, d in robot.dynamics.items() if name in movable and any(d)}
         if stated:
             name, d = next(iter(stated.items()))
             more = f" and {len(stated) - 1} more" if len(stated) > 1 else ""
+            rotor = f", armature {d.armature:g}" if d.armature else ""
             yield note(
                 "dynamics",
                 "robot",
-                f"<dynamics> of {name} (friction {d.friction:g}, damping {d.damping:g}){more}",
+                f"{'<dynamics> of' if robot.key == 'urdf' else 'joint'} {name} (friction "
+                f"{d.friction:g}, damping {d.damping:g}{rotor}){more}",
                 "`pinfric new` notes it beside its guesses; `urdf_dynamics: use` in a scene uses "
                 "it",
             )

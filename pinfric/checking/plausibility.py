@@ -23,7 +23,6 @@ from pinfric.checking.robot import RobotFacts
 from pinfric.checking.robot_masses import NO_MASS, doubted
 from pinfric.checking.scene import massless_findings, scene_findings
 from pinfric.errors import PinfricWarning, RobotError, SceneError
-from pinfric.model.brief import listed
 from pinfric.model.file_loops import OPEN
 from pinfric.model.legs import hanging_legs
 from pinfric.model.robot import BUNDLED, Robot, read_robot, urdf_file
@@ -194,7 +193,8 @@ def _closures(robot: Robot, scene: Scene | None) -> Iterator[Finding]:
         )
     if not (loops := robot.closures.loops):
         return
-    names = f"its file closes loops, {listed([x.name for x in loops])}"
+    more = f" and {len(loops) - 4} more" if len(loops) > 4 else ""
+    names = f"its file closes loops: {', '.join(loop.name for loop in loops[:4])}{more}"
     used = "read as a scene's `loops` are"
     if scene is None:
         try:

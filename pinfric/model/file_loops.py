@@ -135,8 +135,11 @@ def file_loops(root: ElementTree.Element, urdf: Path) -> FileLoops:
     loops, unread = list[Loop](), list[tuple[str, str]]()
     for element, read in found:
         tag = _tag(element)
+        if tag == "constraint_not_read":
+            tag = f"equality><{element.get('type')}"
         name = element.get("name") or f"loop_{len(loops) + 1}"
-        line = f"line {lines[element]}, " if element in lines else ""
+        number = str(lines[element]) if element in lines else element.get("line")  # of an MJCF
+        line = f"line {number}, " if number else ""
         called = f" {element.get('name')!r}" * ("name" in element.attrib)
         reader = _Reader(element, f"{urdf}: {line}<{tag}>{called}", places)
         try:
@@ -296,6 +299,8 @@ def _place(xyz: Sequence[float], rpy: Sequence[float]) -> np.ndarray:
 
 
 def _unknown(at: _Reader) -> dict[str, Any]:
+    if "why" in at.element.attrib:  # of an MJCF
+        raise _UnreadError(at.element.attrib["why"])
     raise _UnreadError("no such element of a robot's file is known")
 
 

@@ -18,7 +18,10 @@ import numpy as np
 import pinocchio as pin
 
 from pinfric.errors import FindingWarning, PinfricWarning, RobotError, choose_from
+from pinfric.model.mjcf import MARK
 
+#: Joints of several degrees of freedom; `ball` is an MJCF's.
+SEVERAL = ("planar", "floating", "ball")
 #: Share by which a follower that is locked beside its leader may be off its place.
 _SAME_PLACE = 1e-9
 
@@ -81,7 +84,7 @@ def settle_mimics(root: ElementTree.Element, urdf: Path) -> None:
         leader, joint = joints[mimic.joint], joints[name]
         where = f"{urdf}: joint {name!r} mimics {mimic.joint!r}"
         for one, called in (leader, mimic.joint), (joint, name):
-            if one.get("type") in ("planar", "floating"):
+            if one.get("type") in SEVERAL:
                 raise RobotError(
                     f"{where}, and {called!r} is {one.get('type')}: joints of one degree of "
                     "freedom lead and follow"
@@ -169,7 +172,7 @@ def lock_joints(root: ElementTree.Element, locked: Mapping[str, float], urdf: Pa
             raise RobotError(
                 f"robot.locked: {urdf} has no joint {name!r}; {choose_from(name, movable)}"
             )
-        if movable[name].get("type") in ("planar", "floating"):
+        if movable[name].get("type") in SEVERAL:
             raise RobotError(f"robot.locked.{name}: only one-degree joints can be locked")
         if (mimic := mimics.get(name)) is not None:
             place = mimic.multiplier * locked.get(mimic.joint, math.nan) + mimic.offset
@@ -216,18 +219,18 @@ def numbers_before_names(root: ElementTree.Element, urdf: Path) -> dict[str, str
 
     Pinocchio visits joints depth first, those of one link in alphabetical order, and needs leaders
     first. So of two joints on one link, that with a leader at or beyond it comes before that with
-    the follower.
+    the follower. Those of an MJCF stand in the order of the file, as MuJoCo has them.
 
     Raises:
         RobotError: no order has each leader before its followers.
     """
-    mimics = followers(root)
-    if not mimics:
+    mimics, in_order = followers(root), MARK in root.attrib
+    if not mimics and not in_order:
         return {}
     joints = {joint.attrib["name"]: joint for joint in root.findall("joint")}
     above = _joints_above(joints)
     siblings: dict[str, list[str]] = {}
-    for name in sorted(joints):
+    for name in joints if in_order else sorted(joints):
         siblings.setdefault(link_of(joints[name], "parent"), []).append(name)
     numbers: dict[str, str] = {}
     needed = False
@@ -240,7 +243,7 @@ def numbers_before_names(root: ElementTree.Element, urdf: Path) -> dict[str, str
         order: list[str] = []
         for name in beside:
             _place(name, before, order, [], urdf)
-        needed |= order != beside
+        needed |= order != sorted(beside)
         numbers |= {name: f"{rank:06d} " for rank, name in enumerate(order)}
     return numbers if needed else {}
 

@@ -19,7 +19,8 @@ import pinocchio as pin
 from pinfric.errors import FindingWarning, PinfricWarning, RobotError, choose_from
 from pinfric.model.file_loops import FileLoops, file_loops
 from pinfric.model.floating import free_base
-from pinfric.model.mimics import lock_joints, numbers_before_names
+from pinfric.model.mimics import link_of, lock_joints, numbers_before_names
+from pinfric.model.mjcf import BALL, MARK, keyframes
 from pinfric.model.schema import Payload
 from pinfric.model.urdf import (
     UrdfDynamics,
@@ -63,6 +64,29 @@ class Robot:
     xacro_args: Mapping[str, str] = field(default_factory=dict)
     floating: bool = False
     closures: FileLoops = field(default_factory=FileLoops)
+
+    @property
+    def key(self) -> str:
+        """How a scene names its file: `robot.urdf` or `robot.mjcf`."""
+        return "mjcf" if MARK in self._root.attrib else "urdf"
+
+    @property
+    def dynamics_words(self) -> str:
+        """What of its file gives friction, for messages."""
+        if self.key == "mjcf":
+            return "MJCF gives frictionloss, damping or armature"
+        return "URDF's <dynamics> gives friction or damping"
+
+    @property
+    def gravity(self) -> list[float] | None:
+        """(3,) of an MJCF that states it, m/s^2; else None."""
+        text = self._root.get("gravity") if self.key == "mjcf" else None
+        return None if text is None else [float(word) for word in text.split()]
+
+    @property
+    def keyframes(self) -> dict[str, dict[str, float]]:
+        """Keyframe of an MJCF -> position (rad or m) by joint."""
+        return keyframes(self._root)
 
     def xml(self) -> ElementTree.Element:
         """Return a copy of its root element, xacro expanded, its base as free as the model's."""
@@ -258,7 +282,10 @@ def _pinocchio_model(root: ElementTree.Element, urdf: Path) -> pin.Model:
                     named.set(key, numbers[named.attrib[key]] + named.attrib[key])
     with _silent_stderr() as said:
         try:
-            model = _from_xml(root)
+            balls = any(joint.get("type") == BALL for joint in root.findall("joint"))
+            model = _with_balls(root, urdf) if balls else _from_xml(root)
+        except RobotError:
+            raise
         except Exception as problem:
             reason = said() or str(problem)
             raise RobotError(f"{urdf}: Pinocchio cannot build it: {reason}") from None
@@ -274,6 +301,63 @@ def _pinocchio_model(root: ElementTree.Element, urdf: Path) -> pin.Model:
 
 def _from_xml(root: ElementTree.Element) -> pin.Model:
     return pin.buildModelFromXML(ElementTree.tostring(root, encoding="unicode"), mimic=True)
+
+
+#: Type of a joint -> Pinocchio's, about or along an axis.
+_OF_TYPE = {
+    "revolute": pin.JointModelRevoluteUnaligned,
+    "prismatic": pin.JointModelPrismaticUnaligned,
+}
+
+
+def _with_balls(root: ElementTree.Element, urdf: Path) -> pin.Model:
+    """Build an MJCF's model that has ball joints, which Pinocchio's reader of URDFs refuses.
+
+    Raises:
+        RobotError: a joint that follows another.
+    """
+    model = pin.Model()
+    model.name = root.get("name", "")
+    below: dict[str, list[ElementTree.Element]] = {}
+    for joint in sorted(root.findall("joint"), key=lambda joint: joint.attrib["name"]):
+        if joint.find("mimic") is not None:
+            name = joint.attrib["name"].partition(" ")[2]
+            raise RobotError(f"{urdf}: joint {name!r} follows another: not beside ball joints")
+        below.setdefault(link_of(joint, "parent"), []).append(joint)
+    bodies_of, origins = bodies(root), {x.get("name"): x for x in root.findall("link")}
+
+    def numbers(element: ElementTree.Element | None, key: str) -> np.ndarray:
+        text = "0 0 0" if element is None else element.get(key, "0 0 0")
+        return np.array([float(word) for word in text.split()])
+
+    def add(link: str, parent: int, place: pin.SE3) -> None:
+        """Add a link at a place of a joint, and all that it carries."""
+        model.addFrame(pin.Frame(link, parent, place, pin.FrameType.BODY))
+        if link in bodies_of:
+            mass, inertia = bodies_of[link]
+            com = numbers(origins[link].find("inertial/origin"), "xyz")
+            model.appendBodyToJoint(parent, pin.Inertia(mass, com, inertia), place)
+        for joint in below.get(link, []):
+            name, kind = joint.attrib["name"], joint.attrib["type"]
+            at, limit = joint.find("origin"), joint.find("limit")
+            there = place * pin.SE3(pin.rpy.rpyToMatrix(*numbers(at, "rpy")), numbers(at, "xyz"))
+            if kind == "fixed":
+                add(link_of(joint, "child"), parent, there)
+                continue
+            if limit is None:
+                free = pin.JointModelSpherical() if kind == BALL else pin.JointModelFreeFlyer()
+                index = model.addJoint(parent, free, there, name)
+            else:
+                axis = numbers(joint.find("axis"), "xyz")
+                keys = ("effort", "velocity", "lower", "upper")
+                ends = (np.array([float(limit.attrib[key])]) for key in keys)
+                model_of = _OF_TYPE[kind](axis / np.linalg.norm(axis))
+                index = model.addJoint(parent, model_of, there, name, *ends)
+            model.addJointFrame(index, -1)
+            add(link_of(joint, "child"), index, pin.SE3.Identity())
+
+    add("world", 0, pin.SE3.Identity())
+    return model
 
 
 def _check_bodies(model: pin.Model, root: ElementTree.Element, urdf: Path) -> None:

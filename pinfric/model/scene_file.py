@@ -63,8 +63,11 @@ def load_scene(path: str | Path) -> Scene:
     entries: SceneFile = parse(SceneFile, read_yaml(file, SceneError, "pinfric"), str(file))
     try:
         of = entries.robot
-        urdf = locate_urdf(of.urdf, file.parent)
+        urdf = locate_urdf(of.urdf or of.mjcf or "", file.parent)
         robot = read_robot(urdf, of.locked, of.xacro_args, of.floating)
+        if getattr(of, robot.key) is None:
+            kind = {"urdf": "a URDF", "mjcf": "an MJCF"}[robot.key]
+            raise RobotError(f"robot: {urdf} is {kind}: write `{robot.key}: {of.urdf or of.mjcf}`")
     except RobotError as problem:
         raise RobotError(f"{file}: {problem}") from None
     if entries.actuators is None:
@@ -72,7 +75,8 @@ def load_scene(path: str | Path) -> Scene:
     if (simulation := entries.simulation) is not None:  # its tables are read where it is simulated
         efforts = (*simulation.effort.values(), *simulation.motor_torque.values())
         note_input(*(file.parent / e.table for e in efforts if isinstance(e, TableEffort)))
-    robot.model.gravity.linear = np.array(entries.robot.gravity)
+    stated = robot.gravity if "gravity" not in of.model_fields_set else None
+    robot.model.gravity.linear = np.array(stated or of.gravity)
     # Refuse measured speeds that no joint of the robot reaches: deg/s, as a rule
     for joint in filter(robot.model.existJointName, entries.friction):
         top = entries.measured.top_speed(joint) if entries.measured else None
@@ -225,7 +229,7 @@ def _with_urdf_dynamics(entries: SceneFile, robot: Robot, where: str) -> dict[st
     """The file's friction, completed from `<dynamics>` if the scene asks for it."""
     friction = dict(entries.friction)
     movable = set(tuple(robot.model.names)[1:])
-    stated = {n: d for n, d in robot.dynamics.items() if n in movable and (d.friction or d.damping)}
+    stated = {n: d for n, d in robot.dynamics.items() if n in movable and any(d)}
     if not stated:
         return friction
     if entries.robot.urdf_dynamics == "ignore":
@@ -233,8 +237,7 @@ def _with_urdf_dynamics(entries: SceneFile, robot: Robot, where: str) -> dict[st
             return friction  # as the scene demands
         more = f" and {len(stated) - 4} more" if len(stated) > 4 else ""
         warnings.warn(
-            f"{where}: the URDF's <dynamics> gives friction or damping for "
-            f"{', '.join(list(stated)[:4])}{more}; "
+            f"{where}: the {robot.dynamics_words} for {', '.join(list(stated)[:4])}{more}; "
             "ignored (many URDFs have placeholders); robot.urdf_dynamics: use takes them, ignore "
             "silences this",
             PinfricWarning,
@@ -248,5 +251,8 @@ def _with_urdf_dynamics(entries: SceneFile, robot: Robot, where: str) -> dict[st
             update["coulomb"] = constant_friction(dynamics.friction)
         if "viscous" not in entry.model_fields_set and dynamics.damping > 0:
             update["viscous"] = linear_drag(dynamics.damping)
-        friction[name] = entry.model_copy(update=update)
+        if update or name in friction:
+            friction[name] = entry.model_copy(update=update)
+        column = robot.model.joints[robot.model.getJointId(name)].idx_v
+        robot.model.armature[column] += dynamics.armature
     return friction

@@ -51,7 +51,7 @@ def scene_content(scene: Scene, robot: Robot, folder: Path, urdf: str = "") -> d
 
 def _robot(scene: Scene, robot: Robot, folder: Path, urdf: str) -> dict[str, Any]:
     """The section `robot`."""
-    section: dict[str, Any] = {"urdf": urdf or locator(robot.urdf, folder)}
+    section: dict[str, Any] = {"urdf": urdf} if urdf else {robot.key: locator(robot.urdf, folder)}
     if robot.floating:
         section["floating"] = True
     section["gravity"] = scene.model.gravity.linear.tolist()
@@ -59,7 +59,7 @@ def _robot(scene: Scene, robot: Robot, folder: Path, urdf: str) -> dict[str, Any
         section["xacro_args"] = dict(robot.xacro_args)
     if robot.locked:
         section["locked"] = dict(robot.locked)
-    if any(d.friction or d.damping for d in robot.dynamics.values()):
+    if any(map(any, robot.dynamics.values())):
         section["urdf_dynamics"] = "ignore"  # what counts of them stands under `friction`
     if scene.masses is not None:
         words: dict[bool | None, str] = {True: "with_drives", False: "without_drives"}

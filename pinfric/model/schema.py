@@ -88,12 +88,13 @@ def _word(value: Any) -> Any:
 
 
 class RobotEntry(Entry):
-    """The URDF, gravity, locked joints and payloads."""
+    """The URDF or MJCF, gravity, locked joints and payloads."""
 
-    urdf: str = key(
+    urdf: str | None = optional(
         "file beside the scene, or one of example-robot-data",
         "example-robot-data:ur_description/urdf/ur5_robot.urdf",
     )
+    mjcf: str | None = optional("in place of `urdf`, a file of MuJoCo", "arm.xml")
     xacro_args: dict[str, Annotated[str, BeforeValidator(_word)]] = key(
         "arguments of a robot written as xacro",
         {"ur_type": "ur10", "safety_limits": True},
@@ -120,11 +121,15 @@ class RobotEntry(Entry):
         default_factory=dict,
     )
     urdf_dynamics: Literal["ignore", "use"] = key(
-        "whether to take the URDF's <dynamics> as `coulomb` and `viscous`", "use", default="ignore"
+        "whether to take the URDF's <dynamics> as `coulomb` and `viscous`; an MJCF's frictionloss, "
+        "damping and, as a rotor at the joint, armature",
+        "use",
+        default="ignore",
     )
     urdf_loops: Literal["ignore", "use"] = key(
-        "whether to close the loops that the URDF states (<loop_joint>, <constraint>, "
-        "<drake:ball_constraint>, <gazebo><joint>); one of `loops` replaces that of its name",
+        "whether to close the loops that the robot's file states (<loop_joint>, <constraint>, "
+        "<drake:ball_constraint>, <gazebo><joint>; an MJCF's connect and weld); one of `loops` "
+        "replaces that of its name",
         "ignore",
         default="use",
     )
@@ -140,6 +145,12 @@ class RobotEntry(Entry):
         True,
         default=False,
     )
+
+    @model_validator(mode="after")
+    def _one_file(self) -> RobotEntry:
+        if (self.urdf is None) == (self.mjcf is None):
+            raise ValueError("give `urdf`, the robot's file, or `mjcf`, and not both")
+        return self
 
 
 class Foot(Entry):

@@ -25,6 +25,7 @@ from pinfric.errors import FindingWarning, PinfricWarning, RobotError, choose_fr
 from pinfric.model.inputs import note_input
 from pinfric.model.magnitudes import LARGEST
 from pinfric.model.mimics import link_of, settle_mimics
+from pinfric.model.mjcf import BALL, MARK
 from pinfric.model.urdf_file import NAMELESS
 from pinfric.model.yamlfile import brief
 
@@ -41,10 +42,14 @@ _MEASURES = {"box": ("size",), "cylinder": ("radius", "length"), "sphere": ("rad
 
 
 class UrdfDynamics(NamedTuple):
-    """A joint's friction (N m or N) and damping (N m s/rad or N s/m), 0 where not given."""
+    """A joint's friction (N m or N) and damping (N m s/rad or N s/m), 0 where not given.
+
+    `armature`: of an MJCF, the inertia of its rotor at the joint (kg m^2 or kg).
+    """
 
     friction: float
     damping: float
+    armature: float = 0.0
 
 
 def check_urdf(root: ElementTree.Element, urdf: Path) -> None:
@@ -84,7 +89,7 @@ def read_document(root: ElementTree.Element, urdf: Path) -> Any:
 def dynamics(root: ElementTree.Element) -> dict[str, UrdfDynamics]:
     """Return joint -> its <dynamics>."""
     return {
-        name: UrdfDynamics(float(tag.get("friction", 0)), float(tag.get("damping", 0)))
+        name: UrdfDynamics(*(float(tag.get(key, 0)) for key in UrdfDynamics._fields))
         for name, tag in _parts(root, "dynamics")
     }
 
@@ -127,7 +132,7 @@ def _check_elements(root: ElementTree.Element, urdf: Path) -> None:
     for joint in root.findall("joint"):
         where = f"{urdf}: joint {joint.get('name')!r}"
         kind = joint.get("type")
-        if kind not in _JOINT_TYPES:
+        if kind not in _JOINT_TYPES and not (kind == BALL and MARK in root.attrib):
             raise RobotError(f"{where} has the type {kind!r}; {choose_from(kind, _JOINT_TYPES)}")
         for end in ("parent", "child"):
             element = joint.find(end)
@@ -175,7 +180,7 @@ _NUMBERS = {
     "origin": {"xyz": 3, "rpy": 3},
     "axis": {"xyz": 3},
     "limit": {"lower": 1, "upper": 1, "effort": 1, "velocity": 1},
-    "dynamics": {"friction": 1, "damping": 1},
+    "dynamics": {"friction": 1, "damping": 1, "armature": 1},
     "mimic": {"multiplier": 1, "offset": 1},
     "mass": {"value": 1},
     "inertia": dict.fromkeys(("ixx", "ixy", "ixz", "iyy", "iyz", "izz"), 1),
@@ -268,7 +273,7 @@ def _check_joints(root: ElementTree.Element, urdf: Path) -> None:
     unlimited = []
     for joint in root.findall("joint"):
         where, kind = f"{urdf}: joint {joint.get('name')!r}", joint.get("type")
-        if kind in ("fixed", "floating"):
+        if kind in ("fixed", "floating", BALL):
             continue
         axis_tag, limit = joint.find("axis"), joint.find("limit")
         axis = (

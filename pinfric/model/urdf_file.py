@@ -1,4 +1,4 @@
-"""The file a robot is read from, as XML: a URDF, or xacro that is expanded first."""
+"""The file a robot is read from, as XML: a URDF, xacro that is expanded first, or an MJCF."""
 
 from __future__ import annotations
 
@@ -15,14 +15,15 @@ from pathlib import Path
 
 from pinfric.errors import PinfricWarning, RobotError, cut
 from pinfric.model.inputs import note_input
+from pinfric.model.mjcf import read_mjcf
 from pinfric.model.yamlfile import bounded
 
 #: What other robot files begin with, and how to get a URDF from them.
 _OTHERS = {
-    "sdf": "SDF, as Gazebo writes it",
-    "mujoco": "MJCF, as MuJoCo writes it",
-    "mujocoinclude": "MJCF, as MuJoCo writes it",
-    "COLLADA": "a Collada mesh",
+    "sdf": "SDF: convert it, `sdf2mjcf model.sdf robot.xml` of the package sdformat-mjcf, and name "
+    "that as robot.mjcf",
+    "mujocoinclude": "a part of an MJCF: name the file that includes it",
+    "COLLADA": "a Collada mesh; export the robot as a URDF",
 }
 #: Seconds within which xacro expands: the largest robots take one.
 _PATIENCE = 20
@@ -35,7 +36,7 @@ NAMELESS = "robot"
 
 
 def read_xml(urdf: Path, xacro_args: Mapping[str, str] | None = None) -> ElementTree.Element:
-    """Return a URDF's root element, with xacro expanded.
+    """Return a URDF's root element, with xacro expanded; of an MJCF as `read_mjcf` writes it.
 
     A `.urdf` with leftover xacro tags that do not expand is read without them, with a warning, if
     no name and no number depends on them.
@@ -45,9 +46,13 @@ def read_xml(urdf: Path, xacro_args: Mapping[str, str] | None = None) -> Element
             an argument that the file does not have.
     """
     root = _parsed(urdf)
+    if root.tag == "mujoco":
+        if xacro_args:
+            raise RobotError(f"{urdf}: is no xacro, and has no argument {next(iter(xacro_args))!r}")
+        return read_mjcf(urdf)
     if root.tag != "robot":
         other = _OTHERS.get(str(root.tag).rpartition("}")[2])
-        is_other = f" (this is {other}; export or convert it to a URDF)" if other else ""
+        is_other = f" (this is {other})" if other else ""
         raise RobotError(
             f"{urdf}: the root element is <{root.tag}>, a URDF begins with <robot>{is_other}"
         )

@@ -83,8 +83,8 @@ def test_negative_limits_are_none_with_a_warning(tmp_path):
     [
         ("<robot", "not well-formed"),
         ("", "robot.urdf: is empty"),
-        ("<sdf version='1.6'/>", "root element is <sdf>.*SDF, as Gazebo"),
-        ("<mujoco model='a'/>", "root element is <mujoco>.*MJCF"),
+        ("<sdf version='1.6'/>", "root element is <sdf>.*SDF: convert it"),
+        ("<mujoco model='a'/>", "has no <worldbody>"),
         ("a: 1", "not well-formed"),
         ("<robot name='r'/>", "no <link>"),
     ],
