@@ -120,50 +120,68 @@ def gravity_scales(
 
 
 def inertia_scales(
-    scene: Scene, logs: Sequence[Prepared], rows: Sequence[Rows], fit: Fit
-) -> dict[int, tuple[float, float]]:
+    scene: Scene, logs: Sequence[Prepared], rows: Sequence[Rows], fit: Fit, weights: FloatArray
+) -> tuple[dict[int, tuple[float, float]], tuple[float, float] | None]:
     """Return joint -> factor s on the links' inertia in its effort, and reach of its 95 % interval.
 
         y = s (t - G) + s_g G + J a + friction
 
     t is the URDF's rigid effort, G its gravity. The links' inertia changes with the posture, which
-    no rotor's does.
+    no rotor's does. Then one s of all joints, `weights` their (nj,): s is the square of stamped
+    over true time; None: no joint's rows tell it.
     """
-    parts, scales = gravity_efforts(scene.model, scene, logs), {}
+    parts, scales, products = gravity_efforts(scene.model, scene, logs), {}, list[FloatArray]()
     for j, own in enumerate(rows):
         slots = [*_OWN, *np.flatnonzero(fit.slots[j])]
         G = at_rows(parts, logs, j)
         found = _scale(own, own.load - G, np.column_stack((G, own.slots[:, slots])))
         if found is not None:
             scales[j] = found.value, found.reach
-    return scales
+            products.append(weights[j] * found.products)
+    if not products:
+        return scales, None
+    whole = np.zeros((max(len(one) for one in products), 2))
+    for one in products:
+        whole[: len(one)] += one
+    return scales, _factor(whole)
 
 
 class _Scale(NamedTuple):
-    """A column's factor, reach of its 95 % interval, and share that it makes of the effort."""
+    """A column's factor, reach of its 95 % interval, and share that it makes of the effort.
+
+    `products`: (blocks, 2) of the column with the effort and with itself.
+    """
 
     value: float
     reach: float
     share: float
+    products: FloatArray
 
 
 def _scale(rows: Rows, column: FloatArray, others: FloatArray) -> _Scale | None:
     """Return the factor of a column (n,) beside others (n, m) and an offset; None: too few rows."""
-    from scipy.special import stdtrit
-
-    count = np.unique(rows.block).size
-    if rows.effort.size < _FEWEST or count <= _FEWEST_BLOCKS:
+    if rows.effort.size < _FEWEST or np.unique(rows.block).size <= _FEWEST_BLOCKS:
         return None
     basis = orthonormal(np.column_stack((others, np.ones(column.size))))
     y, g = beside(basis, np.column_stack((rows.effort, column))).T
     size = float(g @ g)
     if size <= 1e-18 * float(column @ column):
         return None
-    value = float(g @ y) / size
-    scores = np.bincount(rows.block, g * (y - value * g))
-    reach = float(np.linalg.norm(scores)) / size * float(stdtrit(count - 1, 0.975))
+    columns = [np.bincount(rows.block, g * x) for x in (y, g)]
+    products = np.column_stack(columns).astype(np.float64)
+    value, reach = _factor(products)
     whole = max(float(rows.effort @ rows.effort), 1e-12)
-    return _Scale(value, reach, max(1.0, abs(value)) * float(np.sqrt(size / whole)))
+    return _Scale(value, reach, max(1.0, abs(value)) * float(np.sqrt(size / whole)), products)
+
+
+def _factor(products: FloatArray) -> tuple[float, float]:
+    """Return a column's factor and the reach of its 95 % interval; `products`: see `_Scale`."""
+    from scipy.special import stdtrit
+
+    with_effort, size = products.sum(axis=0)
+    value, count = float(with_effort / size), int((products[:, 1] > 0.0).sum())
+    scores = float(np.linalg.norm(products[:, 0] - value * products[:, 1]))
+    return value, scores / float(size) * float(stdtrit(count - 1, 0.975))
 
 
 def gravity_efforts(model: pin.Model, scene: Scene, logs: Sequence[Prepared]) -> list[FloatArray]:

@@ -14,6 +14,13 @@ from pinfric.identification.columns import COARSE, FEWEST_ROWS, PASS, PRESLIDING
 from pinfric.identification.delay import other_delays
 from pinfric.identification.estimate import Estimate, rare_samples, scale_is_known
 from pinfric.identification.findings import HeldOut
+from pinfric.identification.geometry import (
+    REACH,
+    Gravity,
+    Zero,
+    gravity_by_efforts,
+    zeros_by_efforts,
+)
 from pinfric.identification.laws import BACKWARD, FORWARD, INERTIA, K
 from pinfric.identification.misfit import Misfit
 from pinfric.identification.motor_constant import EffortFactor
@@ -29,7 +36,6 @@ from pinfric.identification.scales import (
     moved_masses,
     noted,
 )
-from pinfric.identification.tilt import base_tilt
 from pinfric.model.arrays import FloatArray
 from pinfric.motions.log.effort_place import place_note
 
@@ -51,6 +57,8 @@ _HELD_INSIDE = 0.985
 _HOLDS = 3
 #: Share of a residual's square up to which a shape is no doubt: one of 120 is found by chance.
 _SLIGHT = 0.05
+#: Share by which time stamps may be wrong without a doubt.
+_OFF = 0.05
 #: How much larger an error may be than that of least squares without a word.
 _WORSE = 0.03
 
@@ -152,8 +160,10 @@ def notes(
     }
     clear, slight = ([x for x in shapes if (x.share > _SLIGHT) is named] for named in (True, False))
     lines += _misfits(estimate, slight)
+    geometry, of_geometry = _geometry(estimate)
+    lines += of_geometry
     doubts = (
-        _tilt(estimate)
+        geometry
         + _contacts(estimate)
         + _by_joint(contradicting)
         + _misfits(estimate, clear)
@@ -162,7 +172,7 @@ def notes(
     lines += _payload_factors([x for x in factors if not x.wrong])
     doubts += _payload_factors([x for x in factors if x.wrong])
     other_scales, small_scales = _scales(estimate, clear)
-    doubts += _delays(estimate) + other_scales + _inertias(estimate)
+    doubts += _delays(estimate) + other_scales
     lines += small_scales
     if estimate.question.no_gravity:
         doubts.append(
@@ -297,18 +307,51 @@ def _of_logs(estimate: Estimate) -> list[str]:
     return lines
 
 
-def _tilt(estimate: Estimate) -> list[str]:
+def _tilt(gravity: Gravity | None) -> list[str]:
     """That the base is mounted at another angle."""
-    tilt = base_tilt(estimate)
-    if tilt is None or not tilt.doubted:
+    if gravity is None or not gravity.tilted:
         return []
-    angle, error = np.degrees([tilt.angle, 1.96 * tilt.standard_error])
-    gravity = ", ".join(f"{g:.2f}" for g in tilt.gravity)
+    angle, error = np.degrees([gravity.angle, REACH * gravity.standard_error])
+    vector = ", ".join(f"{g:.2f}" for g in gravity.vector)
     return [
         f"the base is tilted by {angle:.1f} +- {error:.1f} degrees against the scene's gravity, by "
-        f"all efforts together: mount it level, or write `robot: {{gravity: [{gravity}]}}` (m/s^2 "
+        f"all efforts together: mount it level, or write `robot: {{gravity: [{vector}]}}` (m/s^2 "
         "in the base's frame)"
     ]
+
+
+def _time(low: float, high: float, by: str) -> tuple[list[str], list[str]]:
+    """What efforts tell of the time stamps: doubts, and other lines.
+
+    `low`, `high`: 95 % interval of stamped time over true time.
+    """
+    reach = f"[{low:.3g}, {high:.3g}]" if np.isfinite(high) else f"{low:.3g} or more"
+    told = (
+        f"stamped time over true time is {reach} {by}, and viscous friction is proportional to it"
+    )
+    if low > 1.0 + _OFF or high < 1.0 - _OFF:
+        return [f"{told}: is the unit or rate of the time stamps wrong, or are masses?"], []
+    return [], [told]
+
+
+def _zeros(zeros: Sequence[Zero], names: Sequence[str]) -> tuple[list[str], list[str]]:
+    """What efforts tell of the zeros of angles, with the links free: doubts, and other lines."""
+
+    def said(own: Sequence[Zero]) -> str:
+        return ", ".join(
+            f"{names[x.joint]} {x.value:.2f} +- {REACH * x.standard_error:.2f}" for x in own
+        )
+
+    off, other = ([x for x in zeros if x.off is wrong] for wrong in (True, False))
+    doubts = [
+        f"the logged angle is larger than the true one by so many rad: {said(off)}; `offset` in a "
+        "file given by --columns moves its zero"
+    ]
+    lines = [
+        "with free masses, so many rad are known of how far zeros of angles are off (links take "
+        f"an offset up, and friction hardly changes): {said(other)}"
+    ]
+    return doubts * bool(off), lines * bool(other)
 
 
 def _contacts(estimate: Estimate) -> list[str]:
@@ -359,19 +402,34 @@ def _scales(estimate: Estimate, shapes: Sequence[Misfit]) -> tuple[list[str], li
     return doubts * bool(wrong), lines * bool(small)
 
 
-def _inertias(estimate: Estimate) -> list[str]:
+def _geometry(estimate: Estimate) -> tuple[list[str], list[str]]:
+    """What efforts tell of gravity, time stamps and zeros: doubts, and other lines."""
+    question, names = estimate.question, estimate.scene.joint_names
+    gravity = gravity_by_efforts(estimate)
+    told = [(_tilt(gravity), list[str]())]
+    if question.keep_inertias:
+        arguments = estimate.prepared, estimate.rows, estimate.fit, estimate.problem.weights
+        scales, whole = inertia_scales(question.scene, *arguments)
+        told.append((_inertias({names[j]: scales[j] for j in estimate.known if j in scales}), []))
+        if whole is not None:
+            ends = (max(whole[0] + way * whole[1], 0.0) for way in (-1.0, 1.0))
+            low, high = (float(np.sqrt(end)) for end in ends)
+            told.append(_time(low, high, "by the inertia of the kept links"))
+    elif gravity is not None:
+        told += [_time(*gravity.time, "by gravity"), _zeros(zeros_by_efforts(estimate), names)]
+    doubts, lines = zip(*told, strict=True)
+    return [x for own in doubts for x in own], [x for own in lines for x in own]
+
+
+def _inertias(scales: Mapping[str, tuple[float, float]]) -> list[str]:
     """Joints whose effort holds another inertia than that of the links that were kept.
 
     Of gravity `check_gravity` judges, before the fit.
     """
-    question, names = estimate.question, estimate.scene.joint_names
-    if not question.keep_inertias:
-        return []
-    scales = inertia_scales(question.scene, estimate.prepared, estimate.rows, estimate.fit)
     each = [
-        f"{names[j]} {scale:.2g} +- {reach:.2g}"
-        for j, (scale, reach) in scales.items()
-        if j in estimate.known and abs(scale - 1.0) > OTHER_GRAVITY + reach
+        f"{name} {scale:.2g} +- {reach:.2g}"
+        for name, (scale, reach) in scales.items()
+        if abs(scale - 1.0) > OTHER_GRAVITY + reach
     ]
     if not each:
         return []

@@ -220,18 +220,18 @@ def test_kept_links_are_judged_by_their_inertia(wrong, where):
     given, said = log(3, 30.0, 125.0), "times the inertia of the URDF's links"
     right = pf.identify(truth(), given, laws=PLAIN, inertia="keep")
     assert not any(said in line for line in right.notes)
+    assert any("stamped time over true time is [0.9" in line for line in right.notes)
     stamps, effort = given.t, np.array(given.effort)
     if wrong == "effort":
         effort[:, 0] *= 0.65
     else:
         stamps = stamps[0] + 2 * (stamps - stamps[0])
     given = replace(given, t=stamps, effort=effort)
-    (line,) = (
-        line
-        for line in pf.identify(truth(), given, laws=PLAIN, inertia="keep").doubts
-        if said in line
-    )
+    doubts = pf.identify(truth(), given, laws=PLAIN, inertia="keep").doubts
+    (line,) = (line for line in doubts if said in line)
     assert all(NAMES[j] in line for j in where), line
+    clock = [line for line in doubts if line.startswith("stamped time over true time is [1.")]
+    assert len(clock) == (wrong == "speed"), doubts
 
 
 def test_gravity_is_the_same_share_of_an_effort_times_a_factor():
