@@ -8,13 +8,14 @@ are carried, from -1 and 1: they meet after 2 d of travel.
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
 
 import numpy as np
 
 from pinfric.dynamics.samples.motion_kernels import TreeSamples
 from pinfric.dynamics.samples.states import States
-from pinfric.errors import StateError
+from pinfric.errors import PinfricWarning, StateError
 from pinfric.kernels.compiled import kernel
 from pinfric.model.arrays import real_numbers
 from pinfric.model.coordinates import one_number
@@ -22,6 +23,9 @@ from pinfric.model.drives import Gears, gear_drag, gear_range
 from pinfric.model.laws import law_at
 from pinfric.model.presliding import GRADUAL, Ways
 from pinfric.model.scene import Scene, SiteTables
+
+#: Share of the amplitude of its usual stroke above which a way is long.
+_OF_AMPLITUDE = 0.25
 
 
 @dataclass(frozen=True)
@@ -52,6 +56,7 @@ def built_up(scene: Scene, states: States, position_known: float | None) -> Buil
 
     Raises:
         StateError: a `position_known` that is no size, or has nothing to act on.
+        PinfricWarning: a way that is long beside the motion's strokes.
     """
     ways = scene.ways
     if position_known is not None:
@@ -60,6 +65,7 @@ def built_up(scene: Scene, states: States, position_known: float | None) -> Buil
         return None
     angles, rates = _coordinates(scene, ways, states)
     stick = _stick_velocities(scene, ways)
+    _warn_of_long_ways(scene, ways, angles, rates, stick)
     known = np.inf if position_known is None else float(position_known)
     low, high = np.empty(rates.shape), np.empty(rates.shape)
     elements = np.where(ways.gradual[:, None], GRADUAL, [1.0, np.nan, np.nan]) * ways.way[:, None]
@@ -108,6 +114,45 @@ def _stick_velocities(scene: Scene, ways: Ways) -> np.ndarray:
         if at >= scene.model.nv:
             stick[at] = scene.stick_velocity_of(drive)
     return stick
+
+
+def _warn_of_long_ways(
+    scene: Scene, ways: Ways, angles: np.ndarray, rates: np.ndarray, stick: np.ndarray
+) -> None:
+    """Warn of ways so long beside a motion's strokes that friction hardly ever acts in full.
+
+    As in `identify`, above a quarter of the amplitude of the usual stroke. `angles`, `rates`: (T,
+    nc) of the coordinates; `stick`: (nc,) velocities at or below which they rest.
+    """
+    long = []
+    for c in np.flatnonzero(ways.way > 0.0).tolist():
+        moves = np.flatnonzero(np.abs(rates[:, c]) > stick[c])
+        if not moves.size:
+            continue
+        turned = moves[1:][np.diff(np.sign(rates[moves, c])) != 0.0]
+        ends = angles[np.concatenate((moves[:1], turned, moves[-1:])), c]
+        amplitudes = 0.5 * np.abs(np.diff(ends))
+        usual = float(np.median(amplitudes))
+        if ways.way[c] > _OF_AMPLITUDE * usual:
+            long.append(
+                f"{_name_of(scene, ways, c)} has a way of {ways.way[c]:.3g}, and its usual "
+                f"amplitude between reversals is {usual:.3g} (smallest {amplitudes.min():.3g})"
+            )
+    if long:
+        text = (
+            f"{scene.source}: presliding: {'; '.join(long)}, rad or m: above a quarter of it "
+            "friction hardly ever acts in full"
+        )
+        warnings.warn(text, PinfricWarning, stacklevel=4)
+
+
+def _name_of(scene: Scene, ways: Ways, coordinate: int) -> str:
+    """Name the joint, or the coupled drive, whose coordinate it is."""
+    if coordinate < scene.model.nv:
+        joints = zip(scene.model.names, scene.model.joints, strict=True)
+        return next(str(n) for n, joint in joints if joint.nv == 1 and joint.idx_v == coordinate)
+    of_drive = ways.of_drive.tolist()
+    return next(d.name for d, at in zip(scene.drives, of_drive, strict=True) if at == coordinate)
 
 
 @kernel

@@ -1,5 +1,7 @@
 """Friction that builds up over a way, in inverse dynamics."""
 
+import re
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -265,3 +267,52 @@ def test_a_way_beyond_the_gears_hysteresis_is_doubted():
     friction = {"j": Friction.model_validate({"coulomb": 1e-3, "presliding": {"way": 1.4e-4}})}
     without = drive.transmission.model_copy(update={"presliding": None})
     assert not list(contradictions(friction, [drive.model_copy(update={"transmission": without})]))
+
+
+def sine(amplitude, joints=2):
+    """Ten strokes of all joints by the same sine: motion for `solved`."""
+    t, w = np.linspace(0.0, 5.0, 500), 2.0 * np.pi
+    column = amplitude * np.column_stack([np.sin(w * t), w * np.cos(w * t), -w * w * np.sin(w * t)])
+    return t, *(np.repeat(own[:, None], joints, axis=1) for own in column.T)
+
+
+@pytest.mark.parametrize("amplitude", [0.01, 0.07])
+def test_a_way_above_a_quarter_of_the_amplitude_is_named(amplitude, recwarn):
+    """Of joint `b` alone."""
+    model = chain(
+        ("a", pin.JointModelRY(), lump(1.0, [0.3, 0.0, 0.0], 0.1)),
+        ("b", pin.JointModelRX(), lump(1.0, [0.3, 0.2, 0.0], 0.1)),
+    )
+    ways = {"a": 1e-3, "b": 0.015}
+    friction = {name: {"coulomb": 3.0, "presliding": {"way": way}} for name, way in ways.items()}
+    solved(pf.Scene(model, friction=friction), sine(amplitude))
+    said = [str(w.message) for w in recwarn if issubclass(w.category, pf.PinfricWarning)]
+    if amplitude > 4.0 * ways["b"]:
+        assert not said
+        return
+    (line,) = said
+    assert "presliding: b has a way of 0.015, and its usual amplitude between reversals is" in line
+    usual, smallest = (float(x) for x in re.findall(r"(?:is|smallest) (0\.0[0-9]*)", line))
+    assert (usual, smallest) == pytest.approx((0.01, 0.005), rel=0.01)  # the last is half a stroke
+    assert "a has" not in line
+
+
+def test_a_way_of_a_coupled_drive_is_that_of_its_own_angle(recwarn):
+    """The drive turns by the sum of both angles; a joint that rests has no stroke to judge by."""
+    model = chain(
+        ("a", pin.JointModelRY(), lump(1.0, [0.3, 0.0, 0.0], 0.1)),
+        ("b", pin.JointModelRX(), lump(1.0, [0.3, 0.2, 0.0], 0.1)),
+    )
+    gear = {"ratio": 40.0, "no_load_torque": 0.1, "presliding": {"way": 0.015}}
+    actuators = [
+        {"joint": "a", "transmission": {"ratio": 40.0}},
+        {"joint": "b", "name": "wrist drive", "transmission": gear, "couples": {"a": 1.0}},
+    ]
+    solved(pf.Scene(model, actuators=actuators), sine(0.01))
+    (line,) = [str(w.message) for w in recwarn if issubclass(w.category, pf.PinfricWarning)]
+    assert (
+        "wrist drive has a way of 0.015, and its usual amplitude between reversals is 0.02" in line
+    )
+    t, q, v, a = sine(0.01)
+    solved(pf.Scene(model, actuators=actuators), (t, 0.0 * q, 0.0 * v, 0.0 * a))
+    assert len([w for w in recwarn if issubclass(w.category, pf.PinfricWarning)]) == 1
