@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from replay_cases import ROBOTS
+from standing_cases import biped
 
 import pinfric as pf
 from pinfric.model.scene_text import robot_with_bodies, scene_content
@@ -23,7 +24,8 @@ RARE = {
 @pytest.mark.filterwarnings("ignore::pinfric.PinfricWarning")
 def test_bundled_scenes_and_rare_keys_are_read_back(tmp_path):
     said = set()
-    for name in SCENES:
+    standing = biped(tmp_path, more="feet:\n  left_foot: {length: 0.2, width: 0.1}\n")
+    for name in (*SCENES, standing):
         scene = pf.load_scene(name)
         if name == "four_bar":
             scene = scene.with_(**RARE)
@@ -34,7 +36,7 @@ def test_bundled_scenes_and_rare_keys_are_read_back(tmp_path):
             read = pf.load_scene(tmp_path / "scene.yaml")
             for key in ("friction", "actuators", "payloads", "simulation", "measured", "springs"):
                 assert getattr(read, key) == getattr(scene, key), (name, key)
-            for key in ("stops", "tool", "masses_hold", "stick_velocity", *RARE):
+            for key in ("stops", "tool", "feet", "masses_hold", "stick_velocity", *RARE):
                 assert getattr(read, key) == getattr(scene, key), (name, key)
             for ours, theirs in zip(read.loops, scene.loops, strict=True):
                 assert np.allclose(ours.a.xyz, theirs.a.xyz, atol=1e-9)
