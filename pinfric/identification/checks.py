@@ -47,10 +47,14 @@ _REMEDY = (
 )
 
 
-def check_efforts(scene: Scene, rows: Sequence[Rows], confirmed: Collection[str]) -> None:
+def check_efforts(
+    scene: Scene, rows: Sequence[Rows], logs: str, confirmed: Collection[str]
+) -> None:
     """Refuse efforts that do not fit this robot in N m or N.
 
-    `confirmed`: joints whose gain a person has stated: only their signs are judged.
+    Args:
+        rows: of each joint. logs: their names, for messages.
+        confirmed: joints whose gain a person has stated: only their signs are judged.
 
     Raises:
         IdentificationError: a wrong sign or unit, by joint, all in one message.
@@ -96,7 +100,7 @@ def check_efforts(scene: Scene, rows: Sequence[Rows], confirmed: Collection[str]
             for j, slope in factors.items()
         ]
     if problems:
-        raise IdentificationError(problems_line(scene.source, problems))
+        raise IdentificationError(problems_line(logs, problems))
 
 
 def gravity_scales(
@@ -201,11 +205,14 @@ def holds_no_gravity(scales: Mapping[int, tuple[float, float]]) -> bool:
 
 
 def check_gravity(
-    scene: Scene, scales: Mapping[int, tuple[float, float]], confirmed: Collection[str]
+    scene: Scene,
+    scales: Mapping[int, tuple[float, float]],
+    logs: str,
+    confirmed: Collection[str],
 ) -> None:
     """Refuse efforts with another gravity than that of the kept masses.
 
-    Joints whose unit a person has `confirmed` pass.
+    Joints whose unit a person has `confirmed` pass. `logs`: their names, for messages.
 
     Raises:
         IdentificationError: by joint, all in one message.
@@ -222,7 +229,7 @@ def check_gravity(
                 "be corrected: --inertia consistent"
             )
     if problems:
-        raise IdentificationError(problems_line(scene.source, problems))
+        raise IdentificationError(problems_line(logs, problems))
 
 
 def check_limits(

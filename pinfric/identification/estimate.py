@@ -234,8 +234,8 @@ def estimate(question: Question, progress: Callable[[int, int], object]) -> Esti
             ahead = after(progress, len(question.recordings))
             return estimate(replace(question, no_gravity=True), ahead)
         if question.keep_inertias:
-            check_gravity(scene, result.gravity, told)
-    check_efforts(scene, result.rows, told)
+            check_gravity(scene, result.gravity, logs, told)
+    check_efforts(scene, result.rows, logs, told)
     check_limits(scene, result.rows, result.fit, logs, told)
     if not question.jumps:
         _find_ways(result)

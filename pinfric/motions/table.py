@@ -27,6 +27,9 @@ _FEWEST_SAMPLES = 20
 #: from a spline: 8 rows in a move from rest to rest, 14 in a period of an oscillation. Splines
 #: through fewer are off by some 10 % of the peak acceleration.
 _COARSE_SHARE = 0.5
+#: Share by which a time step differs from the usual one to be odd, and the share of all steps that
+#: such are at most.
+_ODD_STEP, _FEW_ODD = 0.5, 0.02
 #: Fewer rows than this in a motion say nothing about its acceleration.
 _FEWEST_ROWS = 5
 #: A robot starts and stops at rest: its mean speed in the first step of a move is half the next
@@ -126,6 +129,8 @@ def _coarse_rows(columns: Sequence[JointColumn], t: FloatArray, positions: Float
     coarse = (speed > 0.0) & ((share > _COARSE_SHARE) | (moves < _FEWEST_ROWS) | at_speed)
     if not coarse.any():
         return []
+    if stamp := _odd_stamp(t, slopes, speed):
+        return [stamp]
     i = int(np.argmax(np.where(coarse, share, -1.0)))
     why = ""
     if share[i] > _COARSE_SHARE:
@@ -146,6 +151,25 @@ def _coarse_rows(columns: Sequence[JointColumn], t: FloatArray, positions: Float
         f"(`pinfric_trajectory: 1`, `{points}`), which is planned from rest to rest; where they "
         "are samples, give more of them, or .v and .a"
     ]
+
+
+def _odd_stamp(t: FloatArray, slopes: FloatArray, speed: FloatArray) -> str:
+    """Say which time stamp is odd, if without the steps beside a few such the motion is smooth."""
+    steps = np.diff(t)
+    usual = float(np.median(steps))
+    odd = np.abs(steps - usual) > _ODD_STEP * usual
+    if not 0 < odd.sum() <= _FEW_ODD * steps.size:
+        return ""
+    change = np.diff(slopes, axis=0)[~(odd[1:] | odd[:-1])]
+    left = np.sqrt(np.mean(change**2, axis=0)) if len(change) else np.inf
+    if (left > _COARSE_SHARE * np.where(speed > 0.0, speed, 1.0)).any():
+        return ""
+    k = int(np.argmax(odd)) + 1
+    return (
+        f"a time stamp is odd: sample {k} at {t[k]:.6g} s comes {steps[k - 1]:.3g} s after the one "
+        f"before, others {usual:.3g} s ({int(odd.sum())} such steps), and no joint jumps so: mend "
+        "it, or leave this sample out"
+    )
 
 
 def mismatch_warnings(columns: Sequence[JointColumn], table: TrajectoryTable) -> list[str]:

@@ -42,7 +42,9 @@ def test_currents_without_a_gain_and_turned_signs_are_refused_by_name():
     with pytest.raises(IdentificationError, match=rf"{NAMES[1]}: its effort is 0\.0\d+ times"):
         pf.identify(guess(0), current)
     turned = replace(short(), effort=short().effort * np.array([1, 1, -1, 1, 1, 1]))
-    with pytest.raises(IdentificationError, match=f"joint {NAMES[2]}: its effort falls where"):
+    with pytest.raises(
+        IdentificationError, match=f"^log: joint {NAMES[2]}: its effort falls where"
+    ):
         pf.identify(guess(0), turned)
     # no weight tells it at the last joint: its friction does
     turned = replace(short(), effort=short().effort * np.array([1, 1, 1, 1, 1, -1]))
@@ -181,7 +183,7 @@ def test_an_unknown_payload_is_no_factor_on_efforts():
         given = replace(logs[case], effort=logs[case].effort * factor)
         (one,) = read_recordings(truth(), [given], {}, {}, ReadingOptions())
         columns = prepare(truth(), one)
-        check_efforts(truth(), [joint_rows([columns], j, 0.0) for j in range(6)], ())
+        check_efforts(truth(), [joint_rows([columns], j, 0.0) for j in range(6)], "log", ())
 
     check("payload", 1.0)
     for joints in ([1], range(6)):
@@ -211,7 +213,7 @@ def test_a_small_load_is_asked_about_where_masses_wrong_by_20_percent_do_not_exp
     columns = {FORWARD: forward, BACKWARD: forward - 1.0}
     effort = 80.0 * (2.0 * forward - 1.0) - slope * 9.81 * np.cos(q)
     with pytest.raises(IdentificationError, match="is 4 times") if refused else nullcontext():
-        check_efforts(scene, [rows_of(effort, columns, np.reshape(rigid, (200, 10)))], ())
+        check_efforts(scene, [rows_of(effort, columns, np.reshape(rigid, (200, 10)))], "log", ())
 
 
 @pytest.mark.parametrize(("wrong", "where"), [("effort", [0]), ("speed", [0, 1, 2])])

@@ -167,6 +167,19 @@ def test_rows_that_are_way_points_are_refused_with_both_choices(tmp_path, positi
     assert "give more of them, or .v and .a" in text
 
 
+def test_one_odd_time_stamp_is_named_and_not_taken_for_way_points(tmp_path):
+    t = 0.01 * np.arange(500)
+    position = np.sin(3.0 * t)
+    load(tmp_path, rows_of(t, position))
+    t[200] += 0.009
+    text = message(tmp_path, rows_of(t, position))
+    assert "sample 200 at 2.009 s comes 0.019 s after the one before, others 0.01 s (2 such" in text
+    assert "way-point" not in text
+    stops = [0.0, 0.6, 0.2, 0.9, -0.3, 0.4, 0.0]  # a longer way takes longer
+    text = message(tmp_path, rows_of([0.0, 1.0, 2.0, 4.0, 5.0, 6.0, 7.0], stops))
+    assert "rows are too far apart" in text
+
+
 @pytest.mark.parametrize("rows", [5, 9, 19])
 @pytest.mark.parametrize("uneven", [0.0, 0.15])
 def test_stops_at_nearly_equal_distances_are_refused_with_both_choices(tmp_path, rows, uneven):

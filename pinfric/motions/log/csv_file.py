@@ -49,6 +49,8 @@ _ISO = re.compile(
 _JOINT_COLUMNS = {"joint", "joint_name", "name", "motor", "axis"}
 #: Columns that tables of joint states number: `name_0`, `position[0]`.
 _NUMBERED = re.compile(r"^(.*?)[_\[.]?(\d+)\]?$")
+#: Rows by which a file is judged.
+_JUDGED = 20
 
 
 @dataclass(frozen=True)
@@ -299,6 +301,11 @@ def _table(path: Path, rows: list[tuple[int, str]]) -> _Table:
             "them, t and the joints"
         )
     numbers, texts = [n for n, _ in rows[1:]], [line for _, line in rows[1:]]
+    if separator == "," and _doubled(header, texts):
+        raise TrajectoryError(
+            f"{path}: line {numbers[0]}: its numbers have decimal commas, and commas separate its "
+            "columns, too: write decimal points, or separate the columns by semicolons"
+        )
     comma = separator != "," and any("," in line for line in texts)
     points = [n for n, line in zip(numbers, texts, strict=True) if comma and "." in line]
     if points:
@@ -307,6 +314,14 @@ def _table(path: Path, rows: list[tuple[int, str]]) -> _Table:
             "or decimals? Use decimal points throughout, and no thousands separator"
         )
     return _Table(path, header, numbers, texts, separator, comma)
+
+
+def _doubled(header: Sequence[str], texts: Sequence[str]) -> bool:
+    """Whether rows have up to two cells for each name, all digits: both parts of decimals."""
+    rows = [line.split(",") for line in texts[:_JUDGED]]
+    whole = (re.fullmatch(r"[-+]?\d+", cell.strip()) for row in rows for cell in row)
+    sizes = [len(row) / len(header) for row in rows]
+    return min(sizes) > 1.0 and 1.5 < max(sizes) <= 2.0 and all(whole)
 
 
 def _sorted_by_names(table: _Table) -> _Table:

@@ -24,6 +24,20 @@ def test_points_where_commas_are_decimal_are_refused(row, tmp_path):
     assert "line 2 has a point, but the file has decimal commas" in refused(tmp_path, text)
 
 
+@pytest.mark.parametrize("first", ["0,00", "0"])
+def test_decimal_commas_between_commas_are_named(first, tmp_path):
+    """And rows with one whole number more than names are not taken for them."""
+    rows = "".join(
+        f"{first if k == 0 else f'0,{k:02d}'},1,5{k:02d},-0,2{k:02d}\n" for k in range(50)
+    )
+    text = refused(tmp_path, f"t,base_turn,arm_lift\n{rows}")
+    assert "line 2: its numbers have decimal commas, and commas separate its columns" in text
+    assert text.endswith("write decimal points, or separate the columns by semicolons")
+    text = refused(tmp_path, "t,base_turn,arm_lift\n" + "".join(f"{k},1,2,3\n" for k in range(50)))
+    assert "decimal commas" not in text
+    assert "another number of cells: line 2 (4)" in text
+
+
 @pytest.mark.parametrize("quantities", [1, 2, 3])
 def test_what_ros2_topic_echo_writes_has_no_header(quantities, tmp_path):
     numbers = [Q, V, 7.0 * V][:quantities]
