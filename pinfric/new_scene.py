@@ -147,8 +147,8 @@ class Begun:
             return None
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", PinfricWarning)  # said where the scene is loaded
-            start = self.keyframe[1]
-            scene = Scene(self.robot.model, loops=loops, source=str(self.urdf), start=start)
+            start, of = self.keyframe[1], str(self.urdf)
+            scene = Scene(self.robot.model, robot=self.robot, loops=loops, source=of, start=start)
         twin, linkage = scene.twin(), scene.linkage
         assert linkage is not None
         near = scene.start_configuration
@@ -185,7 +185,7 @@ def new_scene(
     """
     urdf, robot = begun.urdf, begun.robot
     joints = joint_loads(robot.model, begun.weight)
-    massless = massless_joints(Scene(robot.model))
+    massless = massless_joints(Scene(robot.model, robot=robot))
     guesses = {
         joint.name: _guesses(joint, begun.drive)
         for joint in joints
@@ -578,7 +578,7 @@ def _actuators_section(robot: Robot, driven: Sequence[str] | None) -> list[str]:
         "actuators:                     # ratios are from the URDF's <transmission>, which has no",
         "  # losses and no rotors: add efficiency, back_efficiency, rotor_inertia (data sheet)",
     ]
-    for name in Scene(robot.model).actuator_names:
+    for name in Scene(robot.model, robot=robot).actuator_names:
         ratio = robot.gears.get(name) if name in single else None
         gear = "" if ratio is None else (f", transmission: {{ratio: {_short(ratio, 12)}}}")
         lines.append(

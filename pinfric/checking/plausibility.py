@@ -169,7 +169,7 @@ def _urdf_findings(
     yield from joint_findings(facts, robot, meshes)
     if robot is not None:
         yield from _closures(robot, scene)
-        yield from _by_model(scene or Scene(robot.model))
+        yield from _by_model(scene or Scene(robot.model, robot=robot))
     for text in facts.said:
         yield warning("reading", "robot", text, "")
     if facts.nameless:

@@ -117,32 +117,41 @@ def _equal_masses(facts: RobotFacts) -> Iterator[Finding]:
 
 
 def _one_density(facts: RobotFacts) -> Iterator[Finding]:
-    """Of the visuals of all links, or of their collision shapes: a drawing is one of them."""
-    for kind in (0, 1):
-        parts: list[tuple[float, float]] = []  # volume, density
+    """Of all visuals, of all collision shapes, or of either of each link: they are drawings."""
+    for kinds in ((0,), (1,), (0, 1)):
+        solids, densities = list[tuple[float, ...]](), list[np.ndarray]()
         for link in facts.links:
-            solid = link.extent.solids[kind] if link.has_shapes else 0.0
-            if solid and link.mass > 0 and all(abs(v - solid) > _COPY * solid for v, _ in parts):
-                parts.append((solid, link.mass / solid))
-        if len(parts) < _PARTS:
+            of = link.extent.solids if link.has_shapes and link.mass > 0 else (0.0, 0.0)
+            own = tuple(of[kind] for kind in kinds)
+            pairs = [pair for other in solids for pair in zip(own, other, strict=True)]
+            if any(own) and not any(a and abs(b - a) <= _COPY * a for a, b in pairs):
+                solids.append(own)
+                densities.append(link.mass / np.array([volume for volume in own if volume]))
+        if len(densities) < _PARTS:
             continue
-        densities = np.array([density for _, density in parts])
-        near = np.abs(densities[:, None] / densities - 1.0) <= _NEAR
-        most = int(near.sum(axis=0).argmax())
-        count = int(near[:, most].sum())
-        if count < _ONE_DENSITY * len(parts):
+        near, density = max(
+            (_alike(one, densities) for one in np.concatenate(densities)), key=lambda x: x[0]
+        )
+        if near < _ONE_DENSITY * len(densities):
             continue
-        density = shown_density(float(np.median(densities[near[:, most]])))
-        each = "all links have" if count == len(parts) else f"{count} of {len(parts)} links have"
+        whole = near == len(densities)
+        each = "all links have" if whole else f"{near} of {len(densities)} links have"
         yield note(
             "one density",
             "robot",
-            f"{each} {density} kg/m^3 of their meshes",
+            f"{each} {shown_density(density)} kg/m^3 of their meshes",
             "computed from the drawing, not weighed: real arms of such a kind weigh 1.5 to 2.3 "
             "times as much",
-            excess=count / len(parts),
+            excess=near / len(densities),
         )
         return
+
+
+def _alike(density: float, densities: Sequence[np.ndarray]) -> tuple[int, float]:
+    """How many links have a density (kg/m^3) as one of theirs, and the median of these."""
+    of = [float(own[np.abs(own / density - 1.0).argmin()]) for own in densities]
+    near = [x for x in of if abs(x / density - 1.0) <= _NEAR]
+    return len(near), float(np.median(near))
 
 
 def _equal_inertias(links: Sequence[LinkFacts]) -> Iterator[Finding]:

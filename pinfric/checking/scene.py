@@ -14,7 +14,12 @@ from pinfric.elastic.motion import unloaded_frequency
 from pinfric.errors import PinfricError
 from pinfric.model.coordinates import is_sliding
 from pinfric.model.entry import USUALLY, place, questions_below
-from pinfric.model.friction_terms import CoulombFriction
+from pinfric.model.friction_terms import (
+    Coefficients,
+    CoulombFriction,
+    DirectedCoulombFriction,
+    FrictionTerm,
+)
 from pinfric.model.hysteresis import contradictions
 from pinfric.model.massless import massless_joints
 from pinfric.model.mistaken_units import (
@@ -25,6 +30,7 @@ from pinfric.model.mistaken_units import (
     in_unit,
     likely_unit,
 )
+from pinfric.model.mobility import loose_bodies
 from pinfric.model.robot import length_of, link_frame, payload_inertia, plausible_distance
 from pinfric.model.scene import Scene, Site
 from pinfric.model.transmission import Transmission
@@ -56,6 +62,7 @@ def scene_findings(
     for site in scene.sites:
         findings += [*(_bearing(site, facts) if meshes else ()), *_coefficients(site, scene)]
     findings += [*payload_findings(scene), *_positions(scene, facts), *_drives(scene)]
+    findings += _loose(scene)
     findings += [*_held(scene), *_elastic_gears(scene)] if meshes else ()
     yield from findings
     # The schema's own questions, but of places that are known already
@@ -118,14 +125,15 @@ def _coefficients(site: Site, scene: Scene) -> Iterator[Finding]:
             )
     effort, speed = _limits_of(site, scene)
     unit = "N" if site.sliding else "N m"
-    if isinstance(friction.coulomb, CoulombFriction) and friction.coulomb.static > effort:
-        yield warning(
-            "coulomb",
-            f"{place}.coulomb",
-            f"{friction.coulomb.static:g} {unit}",
-            f"the joint's effort limit is {effort:g} {unit}: it could not break away",
-            excess=friction.coulomb.static / effort,
-        )
+    for key, coulomb in _ways(friction.coulomb).items():
+        if coulomb.static > effort:
+            yield warning(
+                "coulomb",
+                f"{place}.{key}",
+                f"{coulomb.static:g} {unit}",
+                f"the joint's effort limit is {effort:g} {unit}: it could not break away",
+                excess=coulomb.static / effort,
+            )
     if math.isfinite(speed) and (viscous := friction.viscous) is not None:
         drag = viscous.coefficient * speed**viscous.exponent
         if drag > effort:
@@ -145,6 +153,30 @@ def _coefficients(site: Site, scene: Scene) -> Iterator[Finding]:
             f"{place}.stribeck.velocity",
             f"{friction.stribeck.velocity:g}",
             f"above the joint's speed limit {speed:g}: friction never falls to the kinetic value",
+        )
+
+
+def _ways(coulomb: FrictionTerm | None) -> dict[str, Coefficients]:
+    """Key of a dry friction, or of both its directions -> its coefficients."""
+    if isinstance(coulomb, CoulombFriction):
+        return {"coulomb": coulomb}
+    if isinstance(coulomb, DirectedCoulombFriction):
+        return {"coulomb.positive": coulomb.positive, "coulomb.negative": coulomb.negative}
+    return {}
+
+
+def _loose(scene: Scene) -> Iterator[Finding]:
+    """Rods between two balls, which turn about their own axis as they like."""
+    if scene.linkage is None or not scene.mobility.undriven:
+        return
+    of = scene.twin(), scene.linkage, scene.drives, scene.start_configuration, scene.source
+    for name in loose_bodies(*of):
+        yield note(
+            "loose link",
+            f"joint {name}",
+            "what it moves turns freely",
+            "no loop holds it and no drive moves it: a motion has to say its turn; a `universal` "
+            "in place of one ball holds it",
         )
 
 

@@ -40,7 +40,8 @@ def read_table(
 ) -> tuple[str, list[str], list[tuple[int, list[str]]]]:
     """Return a small table: its separator, its header, and (line number, cells) of filled rows.
 
-    Comments above the header are skipped. Messages name `where`, or else the file.
+    Comments above the header are skipped, unless the last one is the header: it has as many names
+    as the row of figures below it. Messages name `where`, or else the file.
 
     Raises:
         PinfricError: as `error`: unreadable, too large, not text.
@@ -50,6 +51,9 @@ def read_table(
         lines = bounded(path, error).decode("utf-8-sig").splitlines()
         first = next((n for n, x in enumerate(lines) if x.strip() and x.lstrip()[0] != "#"), 0)
         separator = separator_of("".join(lines[first : first + 1]))
+        if first and _is_header(lines[first - 1], lines[first], separator):
+            first -= 1
+            lines[first] = lines[first].lstrip().lstrip("#").strip()
         reader = csv.reader(lines[first:], delimiter=separator)
         rows = [(first + reader.line_num, [cell.strip() for cell in row]) for row in reader]
     except UnicodeDecodeError:
@@ -59,3 +63,23 @@ def read_table(
         raise error(f"{where}: cannot be read: {reason}") from None
     (_, header), *below = rows or [(1, [])]
     return separator, header, [(line, row) for line, row in below if any(row)]
+
+
+def _is_header(comment: str, row: str, separator: str) -> bool:
+    """Whether a comment is the header of the row below: names, as many as its cells, of figures."""
+
+    def figures(cells: list[str]) -> int:
+        return sum(_is_figure(cell) for cell in cells)
+
+    if not comment.lstrip().startswith("#"):
+        return False
+    names, cells = (cells_of(x, separator) for x in (comment.lstrip().lstrip("#").strip(), row))
+    return len(names) == len(cells) > 1 and figures(cells) > 0 == figures(names)
+
+
+def _is_figure(cell: str) -> bool:
+    try:
+        number_of(cell)
+    except ValueError:
+        return False
+    return True

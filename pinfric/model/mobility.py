@@ -17,6 +17,8 @@ from scipy.linalg import null_space
 from pinfric.errors import SceneError
 from pinfric.model.closure import (
     NEARLY_CLOSED,
+    RANK,
+    LoopState,
     action_maps,
     closed_configurations,
     full_pivot,
@@ -75,8 +77,7 @@ def mobility_of_linkage(
     redundant: list[int] = []
     scale = min(1.0, linkage.size)
     for q in closed_configurations(twin, linkage, start, source, doubts):
-        zero = np.zeros((1, twin.nv))
-        state = loop_state(twin, linkage, q[None], zero, zero)
+        rows, gaps, state = _held_rows(twin, linkage, drives, q)
         for row, loop in enumerate(linkage.loops):
             if loop.kind == "planar_pin" and state.tilt[0, row] > NEARLY_CLOSED:
                 raise SceneError(
@@ -88,23 +89,58 @@ def mobility_of_linkage(
                         "give it as `axis`, in frame a",
                     )
                 )
-        J = action_maps(twin, linkage, state.p, state.R)[1][0]
-        S = [
-            J[drive.column] if drive.velocity_index < 0 else np.eye(twin.nv)[drive.velocity_index]
-            for drive in drives
-        ]
-        closed = J[linkage.lambdas]
-        rows = np.concatenate([closed, np.array(S).reshape(-1, twin.nv)])
-        rank_closed, (rank, order) = full_pivot(closed, scale)[0], full_pivot(rows, scale)
+        rank_closed, (rank, order) = full_pivot(rows[:gaps], scale)[0], full_pivot(rows, scale)
         freedoms = min(freedoms, twin.nv - rank_closed)
         if rank > best:
             best, undriven = rank, sorted(order[rank:])
-            several = len(S) > rank - rank_closed
-            without = [np.delete(rows, len(closed) + d, axis=0) for d in range(len(S) * several)]
+            several = len(drives) > rank - rank_closed
+            count = len(drives) if several else 0
+            without = [np.delete(rows, gaps + d, axis=0) for d in range(count)]
             redundant = [
                 d for d, others in enumerate(without) if full_pivot(others, scale)[0] == rank
             ]
     return Mobility(freedoms, tuple(undriven), tuple(redundant))
+
+
+def loose_bodies(
+    twin: Twin, linkage: Linkage, drives: Sequence[Drive], start: np.ndarray, source: str
+) -> list[str]:
+    """Return the joints whose bodies can move while drives and all other bodies stand still.
+
+    Such is a rod between two balls. Args: see `mobility_of_linkage`.
+    """
+    model = twin.model
+    q = closed_configurations(twin, linkage, start, source, {}, wanted=1)[0]
+    U = null_space(_held_rows(twin, linkage, drives, q)[0], rcond=RANK)
+    if not U.shape[1]:
+        return []
+    data = model.createData()
+    pin.computeJointJacobians(model, data, q)
+    heavy = [j for j in range(1, model.njoints) if model.inertias[j].mass > 0.0]
+    moves = {j: pin.getJointJacobian(model, data, j, pin.ReferenceFrame.LOCAL) @ U for j in heavy}
+    loose = []
+    for body in heavy:
+        others = [np.zeros((1, U.shape[1])), *(moves[j] for j in heavy if j != body)]
+        _, size, V = np.linalg.svd(np.concatenate(others))
+        alone = V[int(np.sum(size > NEARLY_CLOSED)) :].T
+        if np.abs(moves[body] @ alone).max(initial=0.0) > NEARLY_CLOSED:
+            loose.append(str(model.names[body]))
+    return loose
+
+
+def _held_rows(
+    twin: Twin, linkage: Linkage, drives: Sequence[Drive], q: np.ndarray
+) -> tuple[np.ndarray, int, LoopState]:
+    """The rates of loops' gaps and of drives per velocity, how many are gaps, and how pairs are."""
+    zero = np.zeros((1, twin.nv))
+    state = loop_state(twin, linkage, q[None], zero, zero)
+    J = action_maps(twin, linkage, state.p, state.R)[1][0]
+    S = [
+        J[drive.column] if drive.velocity_index < 0 else np.eye(twin.nv)[drive.velocity_index]
+        for drive in drives
+    ]
+    closed = J[linkage.lambdas]
+    return np.concatenate([closed, np.array(S).reshape(-1, twin.nv)]), len(closed), state
 
 
 def lightest_joint(model: pin.Model, mass: np.ndarray, closed: np.ndarray) -> str:

@@ -153,6 +153,25 @@ def test_one_density_of_the_drawing_is_seen_beside_other_collision_shapes(tmp_pa
     assert "1000 kg/m^3 of their meshes" in found["one density"].text
 
 
+@pytest.mark.parametrize(("odd", "says"), [(0, "all links have 1000"), (2, "")])
+def test_one_density_is_seen_where_links_have_it_in_different_drawings(tmp_path, odd, says):
+    """Closed visuals of every second link, collision shapes of the others: 999 to 1001 kg/m^3."""
+    masses = []
+    for i in range(6):
+        size = np.array([0.1 + 0.02 * i, 0.12, 0.15 + 0.03 * i])
+        for name, drawn in (("v", i % 2 == 0), ("c", i % 2 == 1)):
+            box = trimesh.creation.box(extents=size if drawn else (1.1 + 0.05 * i) * size)
+            box.export(tmp_path / f"{name}{i}.stl")
+        density = 999.0 + 0.4 * i if i >= odd else 1500.0 + 400.0 * i
+        masses.append(density * float(size.prod()))
+    shapes = '<visual><geometry><mesh filename="v{0}.stl"/></geometry></visual>'
+    shapes += '<collision><geometry><mesh filename="c{0}.stl"/></geometry></collision>'
+    found = on_the_whole(pf.check(urdf(tmp_path, *arm(masses, shape=shapes))))
+    assert ("one density" in found) == bool(says)
+    if says:
+        assert says in found["one density"].text
+
+
 def test_hulls_of_shapes_have_their_volume(tmp_path):
     """Boxes exactly; polygons within 2 % of cylinder and ball; two shapes are one hull."""
     at = '<origin xyz="0 0 1" rpy="0.3 0.2 0.1"/>'

@@ -10,6 +10,7 @@ from tables import table
 
 import pinfric as pf
 from pinfric.checking.findings import Severity
+from pinfric.new_scene import Begun, new_scene
 
 FINDINGS = r"""
 friction  {bearing: {kind: pin, radius: 12}, mu: MU}        friction.swing.bearing.radius  links it joins are 0\.406 m large.*mm: 0\.012 m
@@ -80,3 +81,56 @@ def test_one_link_a_thousand_times_too_heavy_is_asked_about():
     assert found.place == f"what joint {model.names[2]} moves"
     assert f"{1000 * body.mass:.4g} kg, all others" in found.text
     assert "if it is in g" in found.text
+
+
+@pytest.mark.parametrize(("key", "static"), [("positive", 200.0), ("negative", 300.0)])
+def test_dry_friction_of_one_direction_is_judged_as_that_of_both(key, static):
+    """The UR5's elbow has 150 N m."""
+    ways = {"positive": {"static": 2, "kinetic": 2}, "negative": {"static": 2, "kinetic": 2}}
+    ways[key] = {"static": static, "kinetic": 2}
+    scene = pf.load_scene("ur5_pick_and_place")
+    scene = scene.with_(friction={"elbow_joint": {"coulomb": ways}})
+    (finding,) = [f for f in pf.check(scene).findings if f.kind == "coulomb"]
+    assert finding.place == f"friction.elbow_joint.coulomb.{key}"
+    assert f"{static:g} N m" in finding.text
+    assert "could not break away" in finding.text
+
+
+ROD = (
+    '<mujoco><worldbody><body name="crank"><joint name="j1" axis="0 1 0"/>{0}'
+    '<body name="rod" pos="0 0 0.2"><joint name="{1}" type="{2}"/>{0}</body></body>'
+    '<body name="rocker" pos="0.3 0 0"><joint name="j3" axis="0 1 0"/>{0}</body></worldbody>'
+    '<equality><connect name="c" body1="rod" body2="rocker" anchor="0.3 0 0"/></equality></mujoco>'
+)
+
+
+@pytest.mark.parametrize(("joint", "loose"), [("ball", ["joint b"]), ("hinge", [])])
+def test_a_rod_between_balls_that_turns_freely_is_said(tmp_path, joint, loose):
+    """A rod on a hinge is held; four mechanisms of the bundled scenes have no such rod."""
+    inertia = '<inertial pos="0 0 0.1" mass="0.5" diaginertia="0.02 0.03 0.025"/>'
+    text = ROD.format(inertia, "b", joint).replace('type="hinge"', 'axis="0 1 0"')
+    (tmp_path / "rod.xml").write_text(text)
+    (tmp_path / "rod.yaml").write_text(
+        "pinfric: 1\nrobot: {mjcf: rod.xml}\nactuators: [{joint: j1}]\n"
+    )
+    found = [f.place for f in pf.check(tmp_path / "rod.yaml").findings if f.kind == "loose link"]
+    assert found == loose
+    for name in ("four_bar", "delta", "excavator"):
+        assert "loose link" not in [f.kind for f in pf.check(name).findings]
+
+
+def test_the_owner_of_a_urdf_is_told_nothing_of_the_model_made_of_it(tmp_path, recwarn):
+    """`model.damping` is a matter of who makes models in Python: `check` speaks of <dynamics>."""
+    robot = tmp_path / "arm.urdf"
+    text = (
+        '<robot name="a"><link name="b"/><link name="l"><inertial><mass value="1"/><inertia '
+        'ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>'
+        '<joint name="j" type="revolute"><parent link="b"/><child link="l"/><axis xyz="0 1 0"/>'
+        '<limit lower="-1" upper="1" effort="9" velocity="1"/>'
+        '<dynamics friction="1" damping="2"/></joint></robot>'
+    )
+    robot.write_text(text)
+    report = pf.check(robot)
+    new_scene(Begun.read(robot))
+    assert [str(warning.message) for warning in recwarn] == []
+    assert any("friction 1, damping 2" in f.text for f in report.findings)

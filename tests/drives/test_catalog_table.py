@@ -69,6 +69,20 @@ def test_a_table_becomes_a_catalogue_in_si(tmp_path):
     assert (two.mass, two.thermal, two.price) == (None, None, None)
 
 
+@pytest.mark.parametrize("above", ["# ", "#", "# made by hand\n# "])
+def test_a_header_behind_a_hash_is_the_header(tmp_path, above):
+    """As many names as cells, and figures only below; any other comment is none."""
+    row = "A,120,360,48,9000,25,4.4,31,12.5,d20,x\n"
+    plain = import_table(table(tmp_path, row), tmp_path / "motors.columns.yaml")
+    marked = import_table(table(tmp_path, row, head=above + HEAD), tmp_path / "motors.columns.yaml")
+    assert marked.content == plain.content
+    commented = import_table(
+        table(tmp_path, row, head="# a,b,c,d,e,f,g,h,i,j,k\n" + HEAD),
+        tmp_path / "motors.columns.yaml",
+    )
+    assert commented.content == plain.content
+
+
 def test_the_mapping_of_the_reference_page_is_one(tmp_path):
     page = Path(__file__).parents[2] / "notebooks" / "reference" / "table.md"
     (mapping,) = re.findall(r"^```yaml\n(.*?)^```$", page.read_text("utf-8"), re.DOTALL | re.M)
