@@ -57,7 +57,7 @@ _HELD_INSIDE = 0.985
 _HOLDS = 3
 #: Share of a residual's square up to which a shape is no doubt: one of 120 is found by chance.
 _SLIGHT = 0.05
-#: Share by which time stamps may be wrong without a doubt.
+#: Share by which time stamps may be wrong without a doubt, by kept links.
 _OFF = 0.05
 #: How much larger an error may be than that of least squares without a word.
 _WORSE = 0.03
@@ -320,16 +320,14 @@ def _tilt(gravity: Gravity | None) -> list[str]:
     ]
 
 
-def _time(low: float, high: float, by: str) -> tuple[list[str], list[str]]:
+def _time(low: float, high: float, by: str, wrong: bool) -> tuple[list[str], list[str]]:
     """What efforts tell of the time stamps: doubts, and other lines.
 
     `low`, `high`: 95 % interval of stamped time over true time.
     """
     reach = f"[{low:.3g}, {high:.3g}]" if np.isfinite(high) else f"{low:.3g} or more"
-    told = (
-        f"stamped time over true time is {reach} {by}, and viscous friction is proportional to it"
-    )
-    if low > 1.0 + _OFF or high < 1.0 - _OFF:
+    told = f"stamped time over true time is {reach} {by}; viscous friction is proportional to it"
+    if wrong:
         return [f"{told}: is the unit or rate of the time stamps wrong, or are masses?"], []
     return [], [told]
 
@@ -414,9 +412,13 @@ def _geometry(estimate: Estimate) -> tuple[list[str], list[str]]:
         if whole is not None:
             ends = (max(whole[0] + way * whole[1], 0.0) for way in (-1.0, 1.0))
             low, high = (float(np.sqrt(end)) for end in ends)
-            told.append(_time(low, high, "by the inertia of the kept links"))
+            wrong = low > 1.0 + _OFF or high < 1.0 - _OFF
+            told.append(_time(low, high, "by the inertia of the kept links", wrong))
     elif gravity is not None:
-        told += [_time(*gravity.time, "by gravity"), _zeros(zeros_by_efforts(estimate), names)]
+        told += [
+            _time(*gravity.time(), "by gravity", gravity.off_the_clock),
+            _zeros(zeros_by_efforts(estimate), names),
+        ]
     doubts, lines = zip(*told, strict=True)
     return [x for own in doubts for x in own], [x for own in lines for x in own]
 

@@ -33,7 +33,7 @@ def test_a_level_base_is_not(found):
 
 
 def test_time_and_zeros_are_told_as_far_as_logs_know_them(found):
-    low, high = gravity_by_efforts(found.estimate).time
+    low, high = gravity_by_efforts(found.estimate).time()
     assert 0.97 < low < high < 1.03
     assert any(f"stamped time over true time is [{low:.3g}, {high:.3g}]" in x for x in found.notes)
     zeros = zeros_by_efforts(found.estimate)
@@ -49,7 +49,7 @@ def test_stamps_of_another_clock_are_doubted():
     motion = excitation(80, 30.0, 125.0)
     given = logged(80, motion, motor_effort(truth(), motion))
     found = pf.identify(guess(80), replace(given, t=1.1 * np.asarray(given.t)))
-    low, high = gravity_by_efforts(found.estimate).time
+    low, high = gravity_by_efforts(found.estimate).time()
     assert low < 1.1 < high
     said = f"stamped time over true time is [{low:.3g}, {high:.3g}] by gravity"
     assert any(line.startswith(said) for line in found.doubts), found.doubts
@@ -69,5 +69,8 @@ def test_a_zero_that_is_off_is_doubted():
 
 def test_gravity_that_is_not_known_tells_no_end_of_the_time():
     known = Gravity(np.zeros(3), 0.0, 0.0, 0.5, 0.2, 1.0)
-    assert known.time == pytest.approx((1.0 / np.sqrt(0.892), 1.0 / np.sqrt(0.108)))
-    assert replace(known, size_error=0.3).time[1] == np.inf
+    assert known.time() == pytest.approx((1.0 / np.sqrt(0.892), 1.0 / np.sqrt(0.108)))
+    assert replace(known, size_error=0.3).time()[1] == np.inf
+    assert not known.off_the_clock
+    assert replace(known, size_error=0.1).off_the_clock
+    assert not replace(known, size=0.95, size_error=0.01).off_the_clock
