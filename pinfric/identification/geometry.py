@@ -94,8 +94,8 @@ class Zero:
 
     @property
     def off(self) -> bool:
-        """Whether it is off."""
-        return abs(self.value) > _ZERO + _SURE * self.standard_error
+        """Whether it is off; beyond pi it is no zero, but an effort that the model lacks."""
+        return _ZERO + _SURE * self.standard_error < abs(self.value) < np.pi
 
 
 def gravity_by_efforts(estimate: Estimate) -> Gravity | None:
