@@ -47,6 +47,8 @@ _PUBLIC = {
     "load_scene": "pinfric.model.scene_file",
     "inverse_dynamics": "pinfric.dynamics.inverse.inverse",
     "InverseResult": "pinfric.dynamics.inverse.result",
+    "stand": "pinfric.dynamics.inverse.standing",
+    "Standing": "pinfric.dynamics.inverse.standing",
     "StickInterval": "pinfric.dynamics.inverse.result",
     "joint_wrenches": "pinfric.dynamics.samples.reactions",
     "consistent_motion": "pinfric.dynamics.samples.closure",
@@ -120,6 +122,8 @@ if TYPE_CHECKING:  # the same names for type checkers, which do not run __getatt
     from pinfric.dynamics.inverse.inverse import inverse_dynamics as inverse_dynamics
     from pinfric.dynamics.inverse.result import InverseResult as InverseResult
     from pinfric.dynamics.inverse.result import StickInterval as StickInterval
+    from pinfric.dynamics.inverse.standing import Standing as Standing
+    from pinfric.dynamics.inverse.standing import stand as stand
     from pinfric.dynamics.samples.closure import consistent_motion as consistent_motion
     from pinfric.dynamics.samples.reactions import joint_wrenches as joint_wrenches
     from pinfric.dynamics.simulation.motion import Motion as Motion

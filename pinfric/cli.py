@@ -157,12 +157,14 @@ def inverse(
     """Compute the efforts that a motion needs.
 
     One value while a joint slides, a torque range while it sticks; with elastic gears also the
-    tool's position at rest and natural frequencies. --out writes efforts.csv, summary.json
+    tool's position at rest and natural frequencies. A robot that stands needs the forces at its
+    feet: without them the efforts have a range, too. --out writes efforts.csv, summary.json
     and the pictures (PNG and PDF) efforts, for a log with efforts measured, for elastic gears tool.
     """
     names = ["efforts.csv", *picture_files("efforts", "measured", "tool"), "summary.json"]
     scene, trajectory = load(scene_name, trajectory_name, log, out, names)
     from pinfric.dynamics.inverse.inverse import inverse_dynamics
+    from pinfric.dynamics.inverse.standing import needs_forces, stand
     from pinfric.elastic.motion import elasticity
     from pinfric.motions.log.judged import judge_log
     from pinfric.show.figure.efforts import effort_figure
@@ -172,12 +174,17 @@ def inverse(
     from pinfric.show.report.inverse import inverse_report, verdict
 
     name = Path(trajectory.source).name
+    standing = None
+    if needs_forces(scene, trajectory):
+        with progress("forces at the feet, samples") as tell:
+            standing = stand(scene, trajectory, tell)
     with working(f"inverse dynamics of {len(trajectory.t)} samples"):
-        result = inverse_dynamics(scene, trajectory, threads=threads)
+        on = None if standing is None else standing.external
+        result = inverse_dynamics(scene, trajectory, external=on, threads=threads)
         elastic = elasticity(result) if scene.elastic else None
         reading = trajectory.reading
         judged = None if reading is None else judge_log(result, reading, effort_at)
-        summary = inverse_summary(result, trajectory.source, judged, elastic)
+        summary = inverse_summary(result, trajectory.source, judged, elastic, standing)
     files: Files = {
         "efforts.csv": lambda path: result.to_dataframe().to_csv(path, index=False),
         **pictures(efforts=lambda: effort_figure(result, name, log=judged)),
@@ -825,6 +832,10 @@ def new(
         float | None,
         option("Of a robot whose URDF has none: shared by its links.", "KG"),
     ] = None,
+    floating: Annotated[
+        bool,
+        option("The base is free and stands on its legs: also a squat.", "", "--floating"),
+    ] = False,
     xacro_arg: XacroArgs = None,
 ) -> None:
     """Write a starting scene and a first motion for a URDF; every guess is marked.
@@ -842,8 +853,9 @@ def new(
     with working("reading the robot and its meshes"), warnings.catch_warnings():
         warnings.simplefilter("ignore", PinfricWarning)  # what they say is among the doubts
         arguments = xacro_arguments(xacro_arg)
-        files = write_new(urdf, out, payload, link, drive=drive, mass=mass, xacro_args=arguments)
-        scene = payload is not None or mass is not None
+        given = {"drive": drive, "mass": mass, "floating": floating, "xacro_args": arguments}
+        files = write_new(urdf, out, payload, link, **given)
+        scene = payload is not None or mass is not None or floating
         report = check(files[0]) if scene else check(urdf, arguments)
     show(doubts(report))
     for file in files:
@@ -854,11 +866,11 @@ def new(
             "`size` tries both and takes the heavier drives"
         )
     motion = [file for file in files if file.name.endswith(".waypoints.yaml")][:1]
-    command, given = "inverse" if motion else "explain", " ".join(map(str, [files[0], *motion]))
-    print_line(f"try: pinfric {command} {given}")
+    command, named = "inverse" if motion else "explain", " ".join(map(str, [files[0], *motion]))
+    print_line(f"try: pinfric {command} {named}")
     if payload is not None:
         of = "" if link is None else f" --rating link={link}"
-        print_line(f"or: pinfric size {given} --rating payload={payload:g}{of} --catalog default")
+        print_line(f"or: pinfric size {named} --rating payload={payload:g}{of} --catalog default")
 
 
 @app.command(short_help="List the bundled robots whose friction was measured.")

@@ -38,6 +38,7 @@ from pinfric.model.yamlfile import yaml_line
 from pinfric.motions.followers import Follower, find_followers
 from pinfric.motions.joint_columns import JointColumn, joint_columns, single_positions
 from pinfric.motions.rating import rate
+from pinfric.motions.standing_pose import Pose, standing_pose
 
 #: Shear stress (Pa) that sizes a shaft for its torque, and its bearings' diameter over its own.
 _SHEAR, _BEARING_OVER_SHAFT = 20e6, 1.5
@@ -81,6 +82,7 @@ class Begun:
         mass: their sum, kg; 0 where none was given.
         by: what it is shared by.
         drive: kind of all drives, of `DRIVES`; None: unknown.
+        pose: on its feet, of a robot whose base is to float; None: it is fixed.
     """
 
     urdf: Path
@@ -90,6 +92,7 @@ class Begun:
     mass: float
     by: str
     drive: str | None
+    pose: Pose | None = None
 
     @classmethod
     def read(
@@ -98,6 +101,7 @@ class Begun:
         drive: str | None = None,
         mass: float | None = None,
         xacro_args: Mapping[str, str] | None = None,
+        floating: bool = False,
     ) -> Begun:
         """Read a robot, and estimate its masses if `mass` is given.
 
@@ -106,17 +110,23 @@ class Begun:
             drive: kind of all drives, see `DRIVES`.
             mass: of a robot whose URDF has none, kg, with its drives, as its maker prints it.
             xacro_args: of a robot that is xacro.
+            floating: whether its base floats.
 
         Raises:
             RobotError: the URDF cannot be read, or describes something that cannot exist; a mass
-                that is not positive, or of a robot that has its own.
+                that is not positive, or of a robot that has its own; a base that is to float on no
+                legs.
         """
         urdf = urdf_file(urdf)
         if drive is not None and drive not in DRIVES:
             raise RobotError(f"drive {drive!r}: {choose_from(drive, list(DRIVES))}")
-        robot, facts = read_robot(urdf, {}, xacro_args), RobotFacts.of(urdf, xacro_args)
+        robot = read_robot(urdf, {}, xacro_args, floating)
+        facts = RobotFacts.of(urdf, xacro_args, floating)
         if mass is None:
-            return cls(urdf, robot, facts, {}, 0.0, "", drive)
+            pose = standing_pose(robot) if floating else None
+            return cls(urdf, robot, facts, {}, 0.0, "", drive, pose)
+        if floating:
+            raise RobotError("--mass is of arms: a robot that stands needs masses in its URDF")
         if not 0 < mass < math.inf:
             raise RobotError(f"mass {mass:g} kg: give what the robot weighs, above 0")
         masses, by = estimated_masses(facts, mass)
@@ -205,6 +215,7 @@ def new_scene(
     named = locator(urdf, folder) if not begun.masses else f"{begun.name}.masses.urdf"
     commands = [f"pinfric new {locator(urdf, folder)}"]
     commands += [f"--xacro-arg {name}:={value}" for name, value in robot.xacro_args.items()]
+    commands += ["--floating"] * (begun.pose is not None)
     commands += [f"--drive {begun.drive}"] * (begun.drive is not None)
     commands += [f"--mass {begun.mass:g}"] * bool(begun.masses)
     parts = [
@@ -226,6 +237,8 @@ def new_scene(
         f"  {'urdf' if begun.masses else robot.key}: {yaml_line(named)}"
         + f"  # guess: {_mass_guess(begun)}" * bool(begun.masses),
         *_xacro_section(robot.xacro_args if not begun.masses else {}),
+        *["  floating: true               # a joint root_joint, which nothing drives"]
+        * (begun.pose is not None),
         f"  gravity: {robot.gravity or [0.0, 0.0, -9.81]}",
         *_dynamics_section(robot),
         *_masses_section(begun),
@@ -233,7 +246,8 @@ def new_scene(
         "friction:" if guesses else "friction: {}",
         *[line for j in joints for line in _joint_section(j, guesses, robot.dynamics)],
         *(_loops_section(robot.model) if closed is None else _file_loops_section(closed)),
-        *_actuators_section(robot, None if closed is None else closed.driven),
+        *_actuators_section(robot, closed, begun.pose),
+        *_feet_section(begun.pose),
         # what `pinfric simulate` runs
         *(
             [
@@ -275,6 +289,8 @@ def new_waypoints(begun: Begun) -> str:
         TrajectoryError: planar or floating joints, which files cannot describe.
     """
     robot = begun.robot
+    if begun.pose is not None:
+        return _squat(begun.pose, begun.urdf.name)
     columns = joint_columns(robot.model, str(begun.urdf))
     followers = find_followers(SimpleNamespace(robot=robot, model=robot.model), columns)
     columns = tuple(_followed(column, followers) for column in columns)
@@ -308,6 +324,24 @@ points:
   - {{name: start, q: {back}, hold: 0.3}}
   - {{name: there, q: {there}, duration: {time}, hold: 0.5}}
   - {{name: start, q: {back}, duration: {time}, hold: 0.3}}
+"""
+
+
+def _squat(pose: Pose, name: str) -> str:
+    """Return way-points of a stand, a squat, and back; the feet stay."""
+    names = ", ".join(yaml_line(column.name, within=True) for column in pose.columns)
+    free = [x for x, column in zip(pose.position, pose.columns, strict=True) if column.free]
+    up, down = ([*map(float, free[:2]), z] for z in (float(free[2]), pose.lowered))
+    return f"""# A first motion for {name}: it stands ({pose.by}), squats, and stands up again.
+# Made by `pinfric new`; positions in rad and m, times in s. The scene's `feet` stay where they are.
+pinfric_trajectory: 1
+profile: quintic
+sample_rate: 50
+joints: [{names}]
+points:
+  - {{name: stand, q: {_numbers(pose.position.tolist())}, hold: 0.3}}
+  - {{name: squat, base: {{xyz: {_numbers(down)}}}, duration: 1.5, hold: 0.5}}
+  - {{name: stand, base: {{xyz: {_numbers(up)}}}, duration: 1.5, hold: 0.3}}
 """
 
 
@@ -352,7 +386,7 @@ def write_new(
         urdf: see `Begun.read`; NAME is its name without suffix.
         folder: where to; made if missing.
         payload, link: see `new_rating`.
-        **given: drive, mass, xacro_args of `Begun.read`.
+        **given: drive, mass, xacro_args, floating of `Begun.read`.
 
     Raises:
         RobotError: see `Begun.read`.
@@ -551,39 +585,50 @@ def _file_loops_section(closed: Closed) -> list[str]:
     ]
 
 
-def _actuators_section(robot: Robot, driven: Sequence[str] | None) -> list[str]:
-    """List the drives with the URDF's ratios; a comment if it gives none.
+def _feet_section(pose: Pose | None) -> list[str]:
+    if pose is None:
+        return []
+    lines = ["feet:                          # where it stands; mu of the ground"]
+    for name, foot in pose.feet.items():
+        size = f", length: {foot.length:g}, width: {foot.width:g}" if foot.length else ""
+        guess = "; a usual sole, with the origin of its link in the middle" if foot.length else ""
+        lines.append(
+            f"  {yaml_line(name)}: {{mu: {foot.mu:g}{size}}}  # guess: rubber on floor{guess}"
+        )
+    return lines
 
-    `driven`: joints whose drives move a mechanism with loops.
+
+def _actuators_section(robot: Robot, closed: Closed | None, pose: Pose | None) -> list[str]:
+    """List the drives with the URDF's ratios; a comment if it gives none and all joints have one.
+
+    `closed`: of a mechanism, which loops close. `pose`: of a robot that stands.
     """
     single = [name for name, nv in zip(robot.model.names, robot.model.nvs, strict=True) if nv == 1]
-    if driven is not None:
-        lines = [
-            "actuators:                     # guess: the loops leave so many free; drive others if "
-            "others have motors"
-        ]
-        for name in driven:
-            ratio = robot.gears.get(name)
-            gear = "" if ratio is None else f", transmission: {{ratio: {_short(ratio, 12)}}}"
-            lines.append(f"  - {{joint: {yaml_line(name, within=True)}{gear}}}")
-        return lines
-    if not robot.gears.keys() & set(single):
+    names, of, ratio = list(Scene(robot.model, robot=robot).actuator_names), "", "  # the URDF"
+    if closed is not None:
+        of = "guess: the loops leave so many free; drive others if others have motors"
+        names, ratio = list(closed.driven), ""
+    elif pose is not None:
+        of = "of all joints but the base"
+        names, ratio = [name for name in names if name in single], ""
+    elif not robot.gears.keys() & set(single):
         return [
             "# actuators:                   # without this section: one ideal drive per joint",
             f"#   - joint: {yaml_line(single[0] if single else robot.model.names[1])}",
             "#     transmission: {ratio: 100, efficiency: 0.85, back_efficiency: 0.82, "
             "rotor_inertia: 1.0e-5}",
         ]
-    lines = [
-        "actuators:                     # ratios are from the URDF's <transmission>, which has no",
-        "  # losses and no rotors: add efficiency, back_efficiency, rotor_inertia (data sheet)",
-    ]
-    for name in Scene(robot.model, robot=robot).actuator_names:
-        ratio = robot.gears.get(name) if name in single else None
-        gear = "" if ratio is None else (f", transmission: {{ratio: {_short(ratio, 12)}}}")
-        lines.append(
-            f"  - {{joint: {yaml_line(name, within=True)}{gear}}}{'  # the URDF' if gear else ''}"
-        )
+    lines = [f"actuators:                     # {of}"]
+    if not of:
+        lines = [
+            "actuators:                     # ratios are from the URDF's <transmission>, which has "
+            "no",
+            "  # losses and no rotors: add efficiency, back_efficiency, rotor_inertia (data sheet)",
+        ]
+    for name in names:
+        geared = name in single and name in robot.gears
+        gear = f", transmission: {{ratio: {_short(robot.gears[name], 12)}}}" if geared else ""
+        lines.append(f"  - {{joint: {yaml_line(name, within=True)}{gear}}}{ratio if gear else ''}")
     return lines
 
 

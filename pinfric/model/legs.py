@@ -11,6 +11,8 @@ import re
 
 import pinocchio as pin
 
+from pinfric.model.floating import free_joint
+
 _WORDS = {
     *("leg", "legs", "foot", "feet", "hip", "knee", "thigh", "calf", "ankle", "shank", "toe"),
     *("coxa", "femur", "tibia", "haa", "hfe", "kfe"),
@@ -20,24 +22,36 @@ _TOKEN = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+")
 
 def hanging_legs(model: pin.Model) -> str:
     """Return that a robot's legs hang by a fixed base, and how to let it stand, or ""."""
-    names: list[list[str]] = [[str(name)] for name in model.names]
-    for frame in model.frames:
-        if frame.type == pin.FrameType.BODY:
-            names[frame.parentJoint].append(str(frame.name))
-    legs = 0
-    for j in range(1, model.njoints):
-        if not int(model.parents[j]):
-            if model.joints[j].nv > 1:
-                return ""
-            legs += any(_of_leg(name) for k in model.subtrees[j] for name in names[k])
-    if legs < 2:
+    if free_joint(model) or len(found := legs_of(model)) < 2:
         return ""
+    legs, names = len(found), _links(model)
     base = next(iter(names[0][1:]), "its root")
     return (
         f"{legs} legs hang by the fixed base {base}, and carry only themselves; to let them stand, "
         "write `floating: true` under `robot` (`pinfric new --floating`) and give the forces at "
         "the feet with the motion"
     )
+
+
+def legs_of(model: pin.Model) -> list[list[int]]:
+    """Return the joints of each branch from the base that has a word for a part of a leg."""
+    links, root = _links(model), 1 if free_joint(model) else 0
+    branches = (j for j in range(1, model.njoints) if int(model.parents[j]) == root)
+    return [
+        list(model.subtrees[j])
+        for j in branches
+        if model.joints[j].nv <= 1
+        and any(_of_leg(name) for k in model.subtrees[j] for name in links[k])
+    ]
+
+
+def _links(model: pin.Model) -> list[list[str]]:
+    """Return by joint its name and those of the links that it moves."""
+    names: list[list[str]] = [[str(name)] for name in model.names]
+    for frame in model.frames:
+        if frame.type == pin.FrameType.BODY:
+            names[frame.parentJoint].append(str(frame.name))
+    return names
 
 
 def _of_leg(name: str) -> bool:

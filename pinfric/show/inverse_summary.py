@@ -6,6 +6,7 @@ from collections.abc import Mapping
 
 from pinfric.dynamics.inverse.balance import LIMIT, Balance
 from pinfric.dynamics.inverse.result import InverseResult, StickInterval, runs
+from pinfric.dynamics.inverse.standing import Standing
 from pinfric.dynamics.samples.outcome import Status
 from pinfric.elastic.motion import Elasticity
 from pinfric.elastic.summary import ElasticSummary, elastic_summary
@@ -50,6 +51,16 @@ class BaseSummary:
 
 
 @described
+class StandingRange:
+    """Between what a drive's efforts are over all forces at the feet within friction."""
+
+    name: str = quantity("the drive", heading="joint", name=True)
+    least: float = quantity("least effort at any sample", EFFORT, "least")
+    greatest: float = quantity("greatest effort at any sample", EFFORT, "greatest")
+    widest: float = quantity("widest range at one sample", EFFORT, "widest")
+
+
+@described
 class InverseSummary:
     """What inverse dynamics found along one motion."""
 
@@ -67,6 +78,9 @@ class InverseSummary:
     input: LogSummary | None = quantity("how the log was read; none: the motion is not a log")
     elasticity: ElasticSummary | None = quantity("effects of elastic gears; none: all are rigid")
     massless: tuple[str, ...] = quantity("joints that move no mass: their efforts are friction")
+    standing: tuple[StandingRange, ...] = quantity(
+        "ranges over all forces at the feet; empty: the forces are given", default=()
+    )
     base: BaseSummary | None = quantity(
         "what given forces leave at a free base; none: it is fixed", default=None
     )
@@ -77,6 +91,7 @@ def inverse_summary(
     trajectory: str,
     log: JudgedLog | None = None,
     elastic: Elasticity | None = None,
+    standing: Standing | None = None,
 ) -> InverseSummary:
     """Return the summary of a motion's efforts.
 
@@ -85,6 +100,7 @@ def inverse_summary(
         trajectory: its name or path.
         log: how the trajectory was read, if it came from samples.
         elastic: effects of elastic gears, if there are any.
+        standing: ranges over the forces at the feet, where these are not given.
 
     Raises:
         StateError: the result has no times.
@@ -117,7 +133,18 @@ def inverse_summary(
         input=None if log is None else log_summary(log),
         elasticity=None if elastic is None else elastic_summary(elastic),
         massless=massless_joints(result.scene, result.scene.payloads),
+        standing=() if standing is None else _ranges(standing),
         base=None if result.balance is None else _base_summary(result.balance),
+    )
+
+
+def _ranges(standing: Standing) -> tuple[StandingRange, ...]:
+    low, high = standing.effort_lower, standing.effort_upper
+    return tuple(
+        StandingRange(
+            name, float(low[:, d].min()), float(high[:, d].max()), float((high - low)[:, d].max())
+        )
+        for d, name in enumerate(standing.result.actuator_names)
     )
 
 

@@ -65,7 +65,12 @@ def inverse_report(
     for name, spans in summary.payloads.items():
         times = ", ".join(f"{digits(span.start)}-{digits(span.end)} s" for span in spans)
         lines.append(f"payload {name}: {f'carried {times}' if spans else 'not carried'}")
-    if base is not None:
+    if standing := summary.standing:
+        lines.append(
+            "no forces at the feet are given: the first table is of those with the least sum of "
+            "squares, the second of all within friction"
+        )
+    elif base is not None:
         lines.append(
             f"at the free base the forces given leave {digits(base.force)} N and "
             f"{digits(base.moment)} N m (RMS), {text_of(base.share, '%')} of the weight"
@@ -73,6 +78,7 @@ def inverse_report(
     return paragraphs(
         [verdict(result, summary), *failing],
         _effort_table(result, summary),
+        table_of("over all forces at the feet within friction", standing) if standing else None,
         table_of("at the motors' shafts", geared, only=_SHAFT, zero=zero),
         None
         if log is None or not log.measured

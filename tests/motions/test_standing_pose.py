@@ -1,0 +1,95 @@
+"""`pinfric new --floating`: robots stand and squat by name; Pinocchio judges their efforts."""
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from standing_cases import biped, efforts
+
+import pinfric as pf
+from pinfric.dynamics.inverse.standing import LEVEL, stand
+from pinfric.errors import RobotError
+from pinfric.motions.trajectory import Trajectory
+from pinfric.new_scene import write_new
+
+pytestmark = pytest.mark.filterwarnings("ignore::pinfric.errors.PinfricWarning")
+#: Bundled robots: feet, and whether these are soles.
+ROBOTS = {
+    "go2_description/urdf/go2": (4, False),
+    "solo_description/robots/solo12": (4, False),
+    "anymal_b_simple_description/robots/anymal": (4, False),
+    "hyq_description/robots/hyq_no_sensors": (4, False),
+    "a1_description/urdf/a1": (4, False),
+    "g1_description/urdf/g1_29dof_rev_1_0": (2, True),
+    "talos_data/robots/talos_reduced": (2, True),
+    "simple_humanoid_description/urdf/simple_humanoid": (2, True),
+}
+FAST = "solo_description/robots/solo12"
+
+
+def thinned(scene, motion, count=9):
+    """Every so many samples of a motion: a program at each takes some 50 ms."""
+    at = np.unique(np.linspace(0, len(motion.t) - 1, count).astype(int))
+    parts = (motion.t[at], motion.q[at], motion.v[at], motion.a[at])
+    return Trajectory.from_arrays(scene, *parts)
+
+
+def judge(scene, motion):
+    """What a stand and a squat must be, whoever wrote them."""
+    model, weight = scene.model, pin.computeTotalMass(scene.model) * 9.81
+    data, feet = model.createData(), list(scene.feet)
+    places = []
+    for q in motion.q:
+        pin.framesForwardKinematics(model, data, q)
+        places.append([data.oMf[model.getFrameId(foot)].translation for foot in feet])
+    assert np.ptp(np.array(places), axis=0).max() < 1e-4
+    assert np.ptp(np.array(places)[0, :, 2]) < LEVEL
+    assert np.ptp(motion.q[:, 2]) > 0.02  # it squats
+    some = thinned(scene, motion)
+    standing = stand(scene, some)
+    own = efforts(model, some.q, some.v, some.a, standing.external)
+    drives = [model.joints[model.getJointId(n)].idx_v for n in scene.actuator_names]
+    scale = np.abs(own).max()
+    found = standing.result.effort_frictionless
+    np.testing.assert_allclose(found, own[:, drives], rtol=0, atol=1e-10 * scale)
+    assert np.abs(own[:, :6]).max() < 1e-6 * weight
+    assert (standing.frictionless_lower <= found + 1e-6 * scale).all()
+    assert (found <= standing.frictionless_upper + 1e-6 * scale).all()
+    return standing
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(n, marks=[] if n == FAST else pytest.mark.slow) for n in ROBOTS]
+)
+def test_bundled_robots_stand_and_squat_by_name(tmp_path, name):
+    scene_file, way_file = write_new(f"example-robot-data:{name}.urdf", tmp_path, floating=True)
+    scene = pf.load_scene(scene_file)
+    count, soles = ROBOTS[name]
+    assert len(scene.feet) == count
+    assert all((foot.length > 0) == soles for foot in scene.feet.values())
+    judge(scene, pf.load_trajectory(way_file, scene))
+
+
+def test_a_robot_of_ones_own_is_bent_and_stands(tmp_path):
+    biped(tmp_path)
+    (tmp_path / "new").mkdir()
+    scene_file, way_file = write_new(tmp_path / "biped.urdf", tmp_path / "new", floating=True)
+    scene = pf.load_scene(scene_file)
+    assert list(scene.feet) == ["left_foot", "right_foot"]
+    assert scene.actuator_names == scene.joint_names[1:]
+    assert "legs a little bent" in way_file.read_text()
+    standing = judge(scene, pf.load_trajectory(way_file, scene))
+    knee = scene.actuator_names.index("left_knee")
+    # knees bend to the front: the joint holds the robot up
+    assert (standing.result.effort_frictionless[:, knee] < -10).all()
+
+
+@pytest.mark.parametrize(
+    ("name", "says"),
+    [
+        ("ur_description/urdf/ur5_robot.urdf", "no two branches from its base are called as legs"),
+    ],
+)
+def test_robots_without_legs_do_not_stand(tmp_path, name, says):
+    with pytest.raises(RobotError, match=says):
+        write_new(f"example-robot-data:{name}", tmp_path, floating=True)
+    assert not list(tmp_path.iterdir())
