@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import BeforeValidator, PrivateAttr
+from pydantic import BeforeValidator, SkipValidation
 
 from pinfric.drives.catalog import Catalog
 from pinfric.drives.catalog_file import load_catalog
@@ -53,24 +53,17 @@ class DriveLimits(Entry):
     )
     motor: str = key("name shown in tables", "left shoulder", default="")
 
-    #: Row of the table -> the bound of a drive of the catalogue, where no key gives it.
-    _rows: dict[str, float] = PrivateAttr(default_factory=dict)
-    #: The drive of the catalogue, and what is demanded of it.
-    _drive: tuple[Candidate, Conditions] | None = PrivateAttr(default=None)
-
     @property
     def from_catalog(self) -> tuple[Candidate, Conditions] | None:
         """The drive of the catalogue and its conditions; None: limits are numbers."""
-        return self._drive
+        return None
 
     def bound(self, limit: Limit) -> float:
         """Return the bound of a row of the table; infinite if there is none.
 
         Torques and speeds are at the motor's shaft; of the speed-torque line the stall torque.
         """
-        if limit.key:
-            return float(getattr(self, limit.key))
-        return self._rows.get(limit.name, math.inf)
+        return float(getattr(self, limit.key)) if limit.key else math.inf
 
     def least(self, signal: str) -> float:
         """Return the least bound of a signal (`limit.SIGNALS`)."""
@@ -89,6 +82,28 @@ class DriveLimits(Entry):
         """Whether its torque is limited; else the motion has no limit."""
         line = math.isfinite(self.stall_torque) and math.isfinite(self.no_load_speed)
         return line or math.isfinite(min(self.least("motor torque"), self.least("effort")))
+
+
+class CatalogLimits(DriveLimits):
+    """The limits of a drive of the catalogue.
+
+    Attributes:
+        rows: row of the table -> its bound, where no key gives it.
+        drive, conditions: of the catalogue, and what is demanded of it.
+    """
+
+    rows: dict[str, float]
+    drive: SkipValidation[Candidate]
+    conditions: SkipValidation[Conditions]
+
+    @property
+    def from_catalog(self) -> tuple[Candidate, Conditions]:
+        """See `DriveLimits`."""
+        return self.drive, self.conditions
+
+    def bound(self, limit: Limit) -> float:
+        """See `DriveLimits`."""
+        return super().bound(limit) if limit.key else self.rows.get(limit.name, math.inf)
 
 
 class NamedDrive(DriveLimits):
@@ -259,17 +274,18 @@ def candidate_limits(candidate: Candidate, conditions: Conditions) -> DriveLimit
         values["stall_torque"] = torque * volts / float(ratings.voltage(ones, none, hot)[0])
         values["no_load_speed"] = speed * volts / float(ratings.voltage(none, ones)[0])
     known: dict[str, Any] = {key: bound for key, bound in values.items() if math.isfinite(bound)}
-    limits = DriveLimits(**known, motor=candidate.name)
-    limits._rows = {limit.name: bound for limit, bound in bounds.items() if not limit.key}
-    limits._drive = candidate, conditions
-    return limits
+    rows = {limit.name: bound for limit, bound in bounds.items() if not limit.key}
+    return CatalogLimits(
+        **known, motor=candidate.name, rows=rows, drive=candidate, conditions=conditions
+    )
 
 
 def _limits(
     scene: Scene, i: int, where: str, entry: Any, catalog: Catalog | None, conditions: Conditions
 ) -> DriveLimits:
     """The limits of drive i, which stand at `where`."""
-    limits, name = None, _name_of(entry)
+    limits: DriveLimits | None = None
+    name = _name_of(entry)
     if isinstance(entry, dict):
         entry = {key: value for key, value in entry.items() if key != "drive"}
     if name is not None and catalog is not None:
