@@ -30,6 +30,8 @@ from pinfric.kernels.compiled import kernel
 _STICKS, _UNDECIDED = 0, 2
 #: The growth of friction with friction has to be below this.
 _BELOW = 0.999
+#: A rate of which others leave no more than this share depends on them.
+_DEPENDS = 1e-9
 #: A box is wider by this part: rounding.
 _ROUNDING = 1e-9
 #: A program's rows, in parts of their scale, may be violated by so much: rounding.
@@ -323,6 +325,8 @@ def write_box(  # noqa: C901
     the friction of what moves, x lies in a ball between none and what would hold all, x_s:
 
         |x - x_s/2|_R <= |x_s|_R / 2,       x_s = -R^-1 r_0
+
+    In loops this bounds as many sums of frictions as there are freedoms: `_bound_by_energy`.
     """
     nc, gears = at_rest.size, problem.constant.size - problem.gear_rotor.shape[0]
     limit, grows, follows = np.zeros((nc, 1)), np.zeros((nc, nc)), False
@@ -350,12 +354,12 @@ def write_box(  # noqa: C901
                 grows[c, j - 1] += size
     for g in range(problem.gear_rotor.shape[0]):
         _add_gear(problem, g, limit, grows)
-    A, bounded = np.eye(nc) - grows, True
-    for c in range(nc):
-        bounded &= limit[c, 0] < np.inf
+    bounded = _is_limited(limit) or (
+        not follows and _bound_by_energy(problem, at_rest, limit, grows)
+    )
     bounded = bounded and spectral_radius_bound(grows, np.empty(nc)) < _BELOW
     if bounded:
-        bounded = solve_dense(A, limit)
+        bounded = solve_dense(np.eye(nc) - grows, limit)
     # 2. friction that does no work on what rests
     rests = np.flatnonzero(at_rest)
     n = rests.size
@@ -386,6 +390,67 @@ def write_box(  # noqa: C901
         reach = np.sqrt(inverse[i, i] * energy) * (1.0 + _ROUNDING)
         low, high = max(-box[c], x - reach), min(box[c], x + reach)
         middle[c], box[c] = 0.5 * (low + high), 0.5 * (high - low)
+
+
+@kernel
+def _is_limited(limit: np.ndarray) -> bool:
+    """Return whether limits (nc, 1) are finite."""
+    limited = True
+    for c in range(limit.shape[0]):
+        limited &= limit[c, 0] < np.inf
+    return limited
+
+
+@kernel
+def _bound_by_energy(  # noqa: C901
+    problem: Problem, at_rest: np.ndarray, limit: np.ndarray, grows: np.ndarray
+) -> bool:
+    """Bound what has no limit of its own, gears that lock themselves, by others; False: not all.
+
+    Of coordinates B whose rates do not depend on each other, and N the others, all at rest,
+
+        |x_B + W x_N + b/2| <= |b|_R / 2,       (W, b) = R_BB^-1 (R_BN, r_B)
+
+    Args:
+        limit, grows: (nc, 1), (nc, nc), overwritten where a limit is infinite.
+    """
+    nc, energy = at_rest.size, 0.0
+    M, basis = np.zeros((nc, 2 * nc + 1)), np.zeros(nc, np.bool_)  # R, r, and then R_BB^-1
+    if at_rest.sum() < nc:
+        return False
+    for c in range(nc):
+        M[c, nc], M[c, nc + 1 + c] = problem.rate_free[c], 1.0
+        for d in range(nc):
+            M[c, d] = problem.rate_slope[c, d]
+    for _ in range(nc):
+        pivot, best = -1, _DEPENDS
+        for c in range(nc):  # those without limit first
+            share = M[c, c] / max(problem.rate_slope[c, c], 1e-300)
+            if share > _DEPENDS and not limit[c, 0] < np.inf:
+                share += 1.0
+            if not basis[c] and share > best:
+                pivot, best = c, share
+        if pivot < 0:
+            break
+        basis[pivot], size = True, M[pivot, pivot]
+        for j in range(2 * nc + 1):
+            M[pivot, j] /= size
+        for c in range(nc):
+            factor = M[c, pivot]
+            for j in range(2 * nc + 1 if c != pivot else 0):
+                M[c, j] -= factor * M[pivot, j]
+    for c in range(nc):
+        energy += 0.25 * problem.rate_free[c] * M[c, nc] if basis[c] else 0.0
+    for c in range(nc):
+        if limit[c, 0] < np.inf:
+            continue
+        if not basis[c]:
+            return False
+        reach = np.sqrt(max(M[c, nc + 1 + c] * energy, 0.0)) * (1.0 + _ROUNDING)
+        limit[c, 0] = 0.5 * abs(M[c, nc]) + reach
+        for d in range(nc):
+            grows[c, d] = 0.0 if basis[d] else abs(M[c, d])
+    return True
 
 
 @kernel

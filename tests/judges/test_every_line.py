@@ -2,21 +2,23 @@
 
 import re
 from collections.abc import Callable
+from contextlib import suppress
 
 import numpy as np
 import pinocchio as pin
 import pytest
 from builders import chain, dry, lump
 from judges.every_line import Gear, Loss, System, answers
-from judges.geared_states import KINDS, compare, plain_gear
+from judges.geared_states import KINDS, bars, compare, plain_gear
 from judges.test_gears import WORM, hoist
 from numpy.testing import assert_allclose
 
 import pinfric as pf
 from pinfric.dynamics.forward.workspace import Workspace
-from pinfric.errors import GearJam, UndecidedAcceleration
+from pinfric.errors import AccelerationError, GearJam, UndecidedAcceleration
 from pinfric.friction import gears as gears_module
 from pinfric.friction.gears import one_answer
+from pinfric.friction.tree import Tree
 from pinfric.model.drives import gear_table, held_efforts
 from pinfric.model.transmission import Transmission
 
@@ -440,3 +442,21 @@ def test_a_back_efficiency_that_no_gear_has_is_refused():
     with pytest.raises(ValueError, match="at or below"):
         Transmission(ratio=50.0, efficiency=0.5, back_efficiency=-2.0)
     Transmission(ratio=50.0, efficiency=0.5, back_efficiency=-1.99)
+
+
+@pytest.mark.parametrize("five", [False, True], ids=["four-bars", "five-bars"])
+def test_friction_beside_gears_that_lock_themselves_is_in_the_box_of_the_tree(five):
+    """They hold any load, but friction does no work, and a ring has fewer freedoms than joints."""
+    shares = []
+    for seed in range(24):
+        scene, q, v, torque, _ = bars(np.random.default_rng([87, seed]), five)
+        ws = Workspace(scene, None, motors=True)
+        with suppress(AccelerationError):
+            ws.solve(q, 0.0 * v, torque)
+            n = len(ws.modes.stuck)
+            tree = Tree(ws.problem, np.ones(n, dtype=bool), np.zeros(n), closed=True)
+            if (ws.problem.gear_lines[..., 0] <= 0.0).any() and tree.ends:
+                off = np.abs(ws.modes.friction - tree.bounds.middle)
+                shares.append((off / tree.bounds.box).max())
+    assert len(shares) > 5
+    assert max(shares) <= 1.0
