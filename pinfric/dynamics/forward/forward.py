@@ -182,7 +182,7 @@ def forward_dynamics(
     if np.ndim(q) > 1:
         return _at_each(ws, q, v, given, external)
     applied = None if external is None else applied_wrenches(scene, external, 1)
-    solve_state(ws, q, v, given, applied)
+    solve_checked(ws, *checked_state(ws, q, v, given), applied)
     return instant(ws)
 
 
@@ -211,7 +211,7 @@ def _at_each(
         applied = [AppliedWrench(w.joint, w.wrench[i : i + 1]) for w in wrenches]
         effort: Any = given if isinstance(given, Mapping) or np.ndim(given) < 2 else given[i]
         try:
-            solve_state(ws, q[i], v[i], effort, applied or None)
+            solve_checked(ws, *checked_state(ws, q[i], v[i], effort), applied or None)
         except PinfricError as problem:
             problem.args = (f"sample {i}: {problem}", *problem.args[1:])
             raise
@@ -219,20 +219,19 @@ def _at_each(
     return Instant._make(np.array(figures) for figures in zip(*instants, strict=True))
 
 
-def solve_state(
+def checked_state(
     ws: Workspace,
     q: np.ndarray,
     v: np.ndarray,
     effort: np.ndarray | Mapping[str, float] | None,
-    applied: list[AppliedWrench] | None = None,
-) -> None:
-    """Check and solve one state in a workspace; see `forward_dynamics`.
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return a state as arrays that kernels take: q (nq,), v (nv,) and efforts (na,).
 
     Raises:
-        See `forward_dynamics`.
+        StateError: a wrong shape, an effort of no drive.
     """
     q, v = vector("q", q, ws.nq, "nq", ws.scene.model), vector("v", v, ws.nv, "nv")
-    solve_checked(ws, q, v, drive_vector(ws, effort), applied)
+    return q, v, drive_vector(ws, effort)
 
 
 def solve_checked(
@@ -242,7 +241,11 @@ def solve_checked(
     effort: np.ndarray,
     applied: list[AppliedWrench] | None,
 ) -> None:
-    """`solve_state` of arrays as kernels take them, with `effort` as of `drive_vector`."""
+    """Solve one state, of arrays as of `checked_state`, in a workspace.
+
+    Raises:
+        See `forward_dynamics`.
+    """
     if not ws.must_project and ws.slides(q, v, effort, applied, FREE):
         return
     held = ws.held.size > 0

@@ -39,7 +39,7 @@ from pinfric.dynamics.forward.compensation import (
     quiet_options,
     reach,
 )
-from pinfric.dynamics.forward.forward import Instant, solution, solve_checked, solve_state
+from pinfric.dynamics.forward.forward import Instant, checked_state, solution, solve_checked
 from pinfric.dynamics.forward.workspace import Workspace, closed_configuration, rehearse
 from pinfric.dynamics.inverse.linkage import solve_linkage
 from pinfric.dynamics.inverse.tree import check_finite, solve_tree
@@ -565,7 +565,7 @@ class Solver:
         ):
             solve_checked(ws, q, v, given if effort is not None else ws.ratio * given, applied)
         else:
-            solve_state(ws, q, v, given, applied)
+            solve_checked(ws, *checked_state(ws, q, v, given), applied)
         return solution(ws)
 
     def inverse_derivatives(
