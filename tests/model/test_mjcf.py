@@ -16,6 +16,12 @@ _SAME = 1e-9
 _FREE, _BALL = int(mujoco.mjtJoint.mjJNT_FREE), int(mujoco.mjtJoint.mjJNT_BALL)
 
 
+@pytest.fixture(autouse=True)
+def elsewhere(tmp_path, monkeypatch):
+    """MuJoCo writes its warnings into a file of the current folder."""
+    monkeypatch.chdir(tmp_path)
+
+
 def files(folder, text, robot="", more=""):
     """A scene of an MJCF."""
     (folder / "x.xml").write_text(text)
