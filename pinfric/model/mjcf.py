@@ -114,15 +114,20 @@ def read_mjcf(path: Path) -> ElementTree.Element:
 
 def _read_options(file: MjcfFile, written: _Written) -> None:
     """Read gravity, and say which forces are not read."""
+    weightless = False
     for option in file.root.findall("option"):
         if "gravity" in option.attrib:
             gravity = file.numbers(option, option.attrib["gravity"], "gravity", 3)
             written.root.set("gravity", _text(gravity))
+        if any(flag.get("gravity") == "disable" for flag in option.findall("flag")):
+            weightless = True
         fluid = [key for key in ("density", "viscosity") if float(option.get(key, 0))]
         if fluid:
             written.said.append(
                 f"{file.where(option)}: forces of a fluid ({fluid[0]}) are not read"
             )
+    if weightless:
+        written.root.set("gravity", "0 0 0")
     for section in file.root.findall("tendon"):
         for tendon in section:
             given = file.attributes(tendon, "main")

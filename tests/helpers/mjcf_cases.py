@@ -108,10 +108,12 @@ MODELS = {
     "hollow": mjcf(
         f"""
         <body name="carriage"><joint name="rail" type="slide" axis="1 0 0" range="-1 1"/>
-          {_BODY.format("0 0 0", 5)}
+          {_BODY.format("0.1 0 0", 5)}
           <body name="mount" pos="0 0 0.1" euler="0 90 0"><geom size="0.05" mass="1"/>
             <body name="pole" pos="0.1 0 0"><joint name="pole" axis="0 0 1" pos="0 0 -0.05"/>
-              {_BODY.format("0 0 0.3", 0.5)}<site name="tip" pos="0 0 0.6"/></body></body></body>"""
+              {_BODY.format("0 0 0.3", 0.5)}<site name="tip" pos="0 0 0.6"/>
+          </body></body></body>""",
+        before='<option gravity="0 0 -3"><flag gravity="disable"/></option>',
     ),
 }
 #: Fingers that joints follow and that pins close.
