@@ -107,13 +107,24 @@ class UndrivenMotionError(StateError):
     """
 
     def __init__(
-        self, joint: str, sample: int, effort: float, counts: str, others: Sequence[str] = ()
+        self,
+        joint: str,
+        sample: int,
+        effort: float,
+        counts: str,
+        others: Sequence[str] = (),
+        standing: bool = False,
     ) -> None:
         self.joint, self.sample, self.effort, self.others = joint, sample, effort, tuple(others)
         more = f", and efforts at {', '.join(others)}" if others else ""
         remedy = "add a drive for it, lock the joint, or give a motion that needs no effort there"
         if others:
             remedy = "add drives for them, lock the joints, or give a motion that needs none there"
+        if standing:
+            remedy = (
+                "give the forces at the feet with the motion, or name them under `feet` in the "
+                "scene: `pinfric inverse` (pf.stand) takes all forces within friction"
+            )
         super().__init__(
             f"actuators: {counts}; undriven: {joint}, where this motion needs {effort:.3g} "
             f"(N m or N) at sample {sample}{more}; {remedy}"

@@ -6,7 +6,7 @@ import dataclasses
 import math
 import time
 from collections.abc import Callable, Hashable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from typing import TypeVar
 
@@ -121,7 +121,8 @@ def explain(scene: Scene, trajectory: Trajectory | None = None) -> Explanation:
         motion = _Motion(random_states(scene), None, None, payloads)
     else:
         states = trajectory.q, trajectory.v, trajectory.a
-        motion = _Motion(states, trajectory.t, trajectory.attached, payloads)
+        on = getattr(trajectory, "external", {})
+        motion = _Motion(states, trajectory.t, trajectory.attached, payloads, on)
     whole = motion.solve(scene)
     listed = effects(scene)
     variants = {e.name: _without(scene, e) for e in listed if e.on and e.name != "loops"}
@@ -207,10 +208,13 @@ class _Motion:
     t: np.ndarray | None
     attached: np.ndarray | None
     payloads: tuple[str, ...]
+    external: Mapping[str, np.ndarray] = field(default_factory=dict)
 
     def solve(self, scene: Scene) -> InverseResult:
         attached = self.attached if tuple(scene.payloads) == self.payloads else None
-        return inverse_dynamics(scene, *self.states, t=self.t, attached=attached, threads=1)
+        return inverse_dynamics(
+            scene, *self.states, self.external, t=self.t, attached=attached, threads=1
+        )
 
     def times(self, scenes: Mapping[_Key, Scene], whole: Scene) -> dict[_Key, np.ndarray]:
         """Microseconds per sample that each scene takes, round by round.
@@ -229,7 +233,8 @@ class _Motion:
             starts = np.arange(repeats) * (t[-1] - t[0] + step)
             t = np.tile(t, repeats) + np.repeat(starts, len(t))
         carried = None if self.attached is None else np.tile(self.attached, (repeats, 1))
-        long = _Motion((q, v, a), t, carried, self.payloads)
+        on = {name: np.tile(wrench, (repeats, 1)) for name, wrench in self.external.items()}
+        long = _Motion((q, v, a), t, carried, self.payloads, on)
         if fit:
             for scene in scenes.values():
                 long.solve(scene)

@@ -31,6 +31,7 @@ from pinfric.model.brief import counted, file_name, listed, screen
 from pinfric.model.described import INERTIA, SPEED, described, in_json, quantity, unit_at
 from pinfric.model.effects import effects
 from pinfric.model.files import check_writable, write_file, write_folder
+from pinfric.model.floating import stands
 from pinfric.model.mass_matrix import mass_matrices
 from pinfric.model.massless import massless, massless_joints
 from pinfric.model.scene import Scene, expect_scene
@@ -231,7 +232,7 @@ def export(
         raise PinfricError(
             f"export: frames, posterior and namespace are for 'cpp' and 'ros2' only, not for {to!r}"
         )
-    columns = check_plain_tree(scene)
+    columns = check_plain_tree(scene, free_base=to == "constants")
     result, name = _along(scene, trajectory)
     joints = joint_constants(result, columns, tuple(form.terms))
     left_out = (*_left_out(scene, to), *_builds_up(scene, to, joints))
@@ -313,6 +314,11 @@ def _soft(
 def _along(scene: Scene, trajectory: MotionLike | None) -> tuple[InverseResult, str]:
     """Inverse dynamics along a motion or of random states, and its name."""
     if trajectory is None:
+        if stands(scene):
+            raise PinfricError(
+                f"{scene.source}: export: forces at the feet hold this robot: give a motion that "
+                "has them (--trajectory)"
+            )
         q, v, a = random_states(scene)
         result = inverse_dynamics(scene, q, v, a)
         return result, f"{len(q)} random states inside the limits"

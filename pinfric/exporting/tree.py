@@ -9,6 +9,7 @@ import pinocchio as pin
 
 from pinfric.errors import PinfricError
 from pinfric.exporting.constants import JointConstants
+from pinfric.model.floating import stands
 from pinfric.model.scene import Scene
 from pinfric.model.twin import PRISMATIC
 from pinfric.motions.followers import find_followers
@@ -44,8 +45,10 @@ class MovedBody:
     follows: tuple[str, float, float] | None = None
 
 
-def check_plain_tree(scene: Scene) -> tuple[JointColumn, ...]:
+def check_plain_tree(scene: Scene, free_base: bool = False) -> tuple[JointColumn, ...]:
     """Return the joints of a scene that is an open chain driven at its joints.
+
+    `free_base`: whether it may float, on given forces; it is none of the joints.
 
     Raises:
         PinfricError: loops, friction along springs, drives off the joints or coupled, or joints of
@@ -57,13 +60,15 @@ def check_plain_tree(scene: Scene) -> tuple[JointColumn, ...]:
             "constraints, for which no error can be stated, and have no dry friction along "
             "springs; only open chains with drives at their joints are exported"
         )
-    for name, joint in zip(scene.joint_names, list(scene.model.joints)[1:], strict=True):
-        if joint.nv > 1:
+    free_base &= stands(scene)
+    for row, name in enumerate(scene.joint_names):
+        joint = scene.model.joints[row + 1]
+        if joint.nv > 1 and (row or not free_base):
             raise PinfricError(
                 f"{scene.source}: joint {name!r} has {joint.nv} degrees of freedom; exports are of "
                 "robots whose joints have one each: of a legged robot export the scene of its "
-                "fixed base and give its <body> a <freejoint/> and the base's <inertial>; lock "
-                "others (robot.locked)"
+                "fixed base (`floating: false`) and give its <body> a <freejoint/> and the base's "
+                "<inertial>, or take `--to constants`; lock others (robot.locked)"
             )
     for drive in scene.drives:
         if drive.couples:
@@ -71,7 +76,8 @@ def check_plain_tree(scene: Scene) -> tuple[JointColumn, ...]:
                 f"{scene.source}: the drive {drive.name!r} is coupled with another joint, but a "
                 "constant of these formats acts on one joint; leave its `couples` out"
             )
-    return joint_columns(scene.loaded_model(), scene.source)
+    columns = joint_columns(scene.loaded_model(), scene.source, free_base)
+    return tuple(column for column in columns if not column.free)
 
 
 def rotor_inertias(scene: Scene) -> np.ndarray:
@@ -82,7 +88,7 @@ def rotor_inertias(scene: Scene) -> np.ndarray:
     own, gears = scene.model.armature, scene.gears()
     reflected = (gears.ratio**2 * gears.rotor_inertia).tolist()
     rotors = dict(zip([d.velocity_index for d in scene.drives], reflected, strict=True))
-    columns = [column.index_v for column in check_plain_tree(scene)]
+    columns = [column.index_v for column in check_plain_tree(scene, free_base=True)]
     return np.array([float(own[v]) + rotors.get(v, 0.0) for v in columns])
 
 

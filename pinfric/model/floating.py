@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -60,6 +61,11 @@ def free_joint(model: pin.Model) -> str:
     if len(roots) == 1 and model.joints[roots[0]].shortname() == "JointModelFreeFlyer":
         return str(model.names[roots[0]])
     return ""
+
+
+def stands(scene: Any) -> bool:
+    """Return whether a scene's base floats and nothing drives it: forces at its feet hold it."""
+    return bool(free_joint(scene.model)) and set(range(6)) <= set(scene.mobility.undriven)
 
 
 def base_numbers(q: np.ndarray) -> np.ndarray:

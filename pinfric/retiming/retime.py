@@ -26,6 +26,7 @@ from pinfric.dynamics.inverse.result import InverseResult
 from pinfric.errors import PinfricWarning, RetimeError, TrajectoryError
 from pinfric.model.brief import file_name, listed, screen
 from pinfric.model.couples import mixed
+from pinfric.model.floating import stands
 from pinfric.model.scene import Scene, expect_scene
 from pinfric.model.upward import Shown
 from pinfric.motions.joint_columns import JointColumn, configurations, joint_columns
@@ -184,6 +185,11 @@ def retime(
     2.29
     """
     expect_scene(scene, "retime")
+    if stands(scene):
+        raise RetimeError(
+            f"{scene.source}: retime: forces at the feet hold this robot, and they change with the "
+            "times that retime finds: retime it on a fixed base (`floating: false`)"
+        )
     scene = scene.without_presliding
     _check_scene(scene)
     if isinstance(path, Trajectory):

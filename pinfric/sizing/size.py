@@ -24,6 +24,7 @@ from pinfric.dynamics.inverse.inverse import inverse_dynamics
 from pinfric.dynamics.samples.states import MotionLike
 from pinfric.errors import PinfricWarning, SizingError
 from pinfric.model.brief import file_name
+from pinfric.model.floating import stands
 from pinfric.model.scene import Scene, expect_scene
 from pinfric.model.schema import OTHERS
 from pinfric.motions.rating import Rating, parse_rating, rate
@@ -100,6 +101,12 @@ def size(
     5.36
     """
     expect_scene(scene, "size")
+    if stands(scene):
+        raise SizingError(
+            f"{scene.source}: size: forces at the feet hold this robot, and they change with the "
+            "masses of the drives that size tries: `pinfric inverse` gives each joint's efforts "
+            "under given forces"
+        )
     scene = scene.without_presliding
     if isinstance(catalog, str | Path):
         catalog = load_catalog(catalog)

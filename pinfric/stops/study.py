@@ -17,6 +17,7 @@ from pinfric.errors import StopError, TrajectoryError
 from pinfric.model.brakes import BRAKE_PEAK
 from pinfric.model.brief import file_name, screen
 from pinfric.model.described import described, gathered, quantity
+from pinfric.model.floating import stands
 from pinfric.model.scene import Scene, expect_scene
 from pinfric.model.schema import Stops
 from pinfric.model.upward import Shown
@@ -170,6 +171,11 @@ def stop(
         TrajectoryError: the reaction takes longer than the trajectory.
     """
     expect_scene(scene, "stop")
+    if stands(scene):
+        raise StopError(
+            f"{scene.source}: stop: forces at the feet hold this robot, and what they are while "
+            "it stops and falls is not known: stop it on a fixed base (`floating: false`)"
+        )
     scene = scene.without_presliding
     machines = Machines(scene, stop_settings(scene, category), full_load(scene, trajectory))
     return stops_of(machines, trajectory, progress)

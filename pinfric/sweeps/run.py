@@ -23,6 +23,8 @@ from pinfric.sweeps.parameters import count, draw, resolve
 from pinfric.sweeps.result import SweepResult
 from pinfric.sweeps.workers import compute_in_parallel
 
+#: Sections that change no force on the robot: its motion is given.
+_LOSSES = ("friction", "transmission")
 #: Sweeps of this length are over before other processes have started (s).
 _SHORT = 5.0
 #: What one batch takes: long beside its transport (s).
@@ -77,6 +79,11 @@ def sweep(
         raise SweepError(f"processes = {processes}; should be at least 1")
     entries, source = load_sweep(sweep)
     targets = resolve(scene, entries, source)
+    if trajectory.external and (moved := [x.name for x in targets if x.section not in _LOSSES]):
+        raise SweepError(
+            f"{source}: {', '.join(moved)}: the forces on {', '.join(trajectory.external)} were "
+            "measured with one load, speed and mounting; vary friction and transmissions alone"
+        )
     equipped, trials = motors_on_trial(scene, entries, source)
     study = Study(equipped, trajectory, targets, trials)
     n, drives = count(targets, entries), len(scene.actuator_names)

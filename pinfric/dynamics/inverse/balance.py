@@ -17,7 +17,7 @@ import pinocchio as pin
 from pinfric.dynamics.samples.reactions import AppliedWrench, external_frame
 from pinfric.dynamics.samples.states import States
 from pinfric.errors import StateError
-from pinfric.model.floating import free_joint
+from pinfric.model.floating import stands
 from pinfric.model.scene import Scene
 
 #: Share of the weight, and of the weight times the base's height, that may be left (RMS).
@@ -64,9 +64,7 @@ class Balance:
 
 def base_rows(scene: Scene, external: object) -> list[int]:
     """Return the six velocities of an undriven free base whose forces are given; else none."""
-    rows = list(range(6))
-    free = bool(external) and bool(free_joint(scene.model))
-    return rows if free and set(rows) <= set(scene.mobility.undriven) else []
+    return list(range(6)) if external and stands(scene) else []
 
 
 def balance_of(

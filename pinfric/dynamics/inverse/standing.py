@@ -25,7 +25,7 @@ from pinfric.dynamics.problem.plan import drive_delivery
 from pinfric.dynamics.samples.reactions import rigid_efforts
 from pinfric.dynamics.samples.states import MotionLike, States, attached_columns
 from pinfric.errors import SceneError, StateError
-from pinfric.model.floating import free_joint
+from pinfric.model.floating import stands
 from pinfric.model.scene import Scene, expect_scene
 
 #: Sides of the pyramid around a cone of friction.
@@ -133,8 +133,7 @@ def _with_friction(
 
 
 def _check(scene: Scene) -> None:
-    base = free_joint(scene.model)
-    if not base or not set(range(6)) <= set(scene.mobility.undriven):
+    if not stands(scene):
         raise SceneError(
             f"{scene.source}: stand: the base does not float, or has drives: write `robot: "
             "{floating: true}`"

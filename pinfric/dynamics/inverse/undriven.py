@@ -10,6 +10,7 @@ import pinocchio as pin
 from pinfric.dynamics.samples.states import States
 from pinfric.errors import SceneError, UndrivenMotionError
 from pinfric.model.closure import velocity_names
+from pinfric.model.floating import stands
 from pinfric.model.scene import Scene
 from pinfric.model.twin import PRISMATIC
 
@@ -76,6 +77,7 @@ def check_undriven(
             float(missing[sample, place]),
             scene.mobility.counts(len(scene.drives)),
             [name for k, name in enumerate(names) if needed[k] and k != place],
+            stands(scene) and undriven[place] < 6,
         )
 
 

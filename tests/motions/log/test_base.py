@@ -2,6 +2,7 @@
 
 import warnings
 from io import StringIO
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -14,7 +15,9 @@ import pinfric as pf
 from pinfric.errors import PinfricError
 from pinfric.model.coordinates import WRENCH
 from pinfric.model.described import in_json
+from pinfric.model.entry import parse
 from pinfric.model.floating import POSE, base_configuration, base_motion, base_numbers, base_rates
+from pinfric.motions.log.columns import ColumnsFile
 from pinfric.motions.log.judged import judge_log
 from pinfric.show.inverse_summary import inverse_summary
 from pinfric.show.report.inverse import inverse_report, verdict
@@ -225,3 +228,11 @@ def test_what_forces_leave_is_on_the_first_screen(tmp_path, low, says):
     assert says in console.file.getvalue()
     assert in_json(summary)["base"]["within"] == (low > 0.9)
     assert ("do not balance the base" in verdict(result, summary)) == (low < 0.9)
+
+
+def test_the_guides_columns_are_a_columns_file():
+    guide = Path(__file__).parents[3] / "notebooks/guide/legs.md"
+    text = guide.read_text(encoding="utf-8").split("```yaml")[1].split("```")[0]
+    entries = parse(ColumnsFile, yaml.safe_load(text), "legs.md")
+    assert entries.base.quaternion == ("qx", "qy", "qz", "qw")
+    assert [wrench.axes for wrench in entries.external.values()] == ["frame", "world"]
