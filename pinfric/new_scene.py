@@ -328,11 +328,17 @@ points:
 
 
 def _squat(pose: Pose, name: str) -> str:
-    """Return way-points of a stand, a squat, and back; the feet stay."""
+    """Return way-points of a stand, a squat if the legs reach one, and back; the feet stay."""
     names = ", ".join(yaml_line(column.name, within=True) for column in pose.columns)
     free = [x for x, column in zip(pose.position, pose.columns, strict=True) if column.free]
     up, down = ([*map(float, free[:2]), z] for z in (float(free[2]), pose.lowered))
-    return f"""# A first motion for {name}: it stands ({pose.by}), squats, and stands up again.
+    there = f"""  - {{name: squat, base: {{xyz: {_numbers(down)}}}, duration: 1.5, hold: 0.5}}
+  - {{name: stand, base: {{xyz: {_numbers(up)}}}, duration: 1.5, hold: 0.3}}
+"""
+    squats = "squats, and stands up again"
+    if pose.lowered >= free[2]:
+        there, squats = "", "and its legs reach no squat within their limits"
+    return f"""# A first motion for {name}: it stands ({pose.by}), {squats}.
 # Made by `pinfric new`; positions in rad and m, times in s. The scene's `feet` stay where they are.
 pinfric_trajectory: 1
 profile: quintic
@@ -340,9 +346,7 @@ sample_rate: 50
 joints: [{names}]
 points:
   - {{name: stand, q: {_numbers(pose.position.tolist())}, hold: 0.3}}
-  - {{name: squat, base: {{xyz: {_numbers(down)}}}, duration: 1.5, hold: 0.5}}
-  - {{name: stand, base: {{xyz: {_numbers(up)}}}, duration: 1.5, hold: 0.3}}
-"""
+{there}"""
 
 
 def new_rating(

@@ -14,6 +14,7 @@ import numpy as np
 from pinfric.errors import IdentificationError, choose_from
 from pinfric.model.arrays import BoolArray, FloatArray
 from pinfric.model.couples import drive_rates, rate_rows
+from pinfric.model.floating import stands
 from pinfric.model.scene import Scene
 from pinfric.motions.derivatives import SPLINE_GAINS
 from pinfric.motions.log.frame import Log
@@ -124,6 +125,11 @@ def check_scene(scene: Scene) -> None:
         why = f"this scene has {scene.closed_by}"
     elif len(scene.model.mimicking_joints):
         why = "here joints mimic others; lock them in the scene (robot: locked)"
+    elif stands(scene):
+        why = (
+            "the base floats; identify the legs' friction on a stand, with the scene of the fixed "
+            "base (`floating: false`)"
+        )
     elif any(joint.nv != 1 for joint in tuple(scene.model.joints)[1:]):
         why = "here a joint has several degrees of freedom"
     if why:

@@ -7,7 +7,14 @@ import pytest
 from standing_cases import LEGS, biped, squat
 
 import pinfric as pf
-from pinfric.errors import PinfricError, RetimeError, SizingError, StopError, SweepError
+from pinfric.errors import (
+    IdentificationError,
+    PinfricError,
+    RetimeError,
+    SizingError,
+    StopError,
+    SweepError,
+)
 
 pytestmark = pytest.mark.filterwarnings("ignore::pinfric.errors.PinfricWarning")
 BEARING = "{kind: pin, radius: 0.02, length: 0.05}"
@@ -33,6 +40,13 @@ def test_what_cannot_take_forces_says_why_in_one_line(case, task, kind, says):
     with pytest.raises(kind, match=says) as refused:
         task(*case)
     assert "\n" not in str(refused.value)
+
+
+def test_legs_are_identified_on_a_stand(case):
+    scene, motion = case
+    log = pf.Log(motion.t, np.zeros((len(motion.t), 6)), np.zeros((len(motion.t), 6)))
+    with pytest.raises(IdentificationError, match="the base floats; identify the legs' friction"):
+        pf.identify(scene, [log])
 
 
 def test_a_sweep_varies_friction_under_the_same_forces(case):

@@ -21,7 +21,7 @@ ROBOTS = {
     "a1_description/urdf/a1": (4, False),
     "g1_description/urdf/g1_29dof_rev_1_0": (2, True),
     "talos_data/robots/talos_reduced": (2, True),
-    "simple_humanoid_description/urdf/simple_humanoid": (2, True),
+    "romeo_description/urdf/romeo_small": (2, True),
 }
 FAST = "solo_description/robots/solo12"
 
@@ -67,6 +67,16 @@ def test_bundled_robots_stand_and_squat_by_name(tmp_path, name):
     assert len(scene.feet) == count
     assert all((foot.length > 0) == soles for foot in scene.feet.values())
     judge(scene, pf.load_trajectory(way_file, scene))
+
+
+def test_legs_whose_limits_allow_no_squat_stand(tmp_path):
+    """The URDF's limits of this one's knees and ankles are of other joints."""
+    name = "simple_humanoid_description/urdf/simple_humanoid"
+    scene_file, way_file = write_new(f"example-robot-data:{name}.urdf", tmp_path, floating=True)
+    assert "its legs reach no squat within their limits" in way_file.read_text()
+    scene = pf.load_scene(scene_file)
+    motion = pf.load_trajectory(way_file, scene)
+    assert stand(scene, thinned(scene, motion, 2)).result.balance.share < 1e-6
 
 
 def test_a_robot_of_ones_own_is_bent_and_stands(tmp_path):
