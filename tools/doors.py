@@ -33,6 +33,8 @@ LONG = ("stop", "pinfric stop", "retime", "pinfric retime", "pinfric accuracy", 
 LONG_LIMIT = 8.0
 
 BEGIN = """
+import pathlib
+
 import numpy as np
 import pinfric as pf
 arm, loop = pf.load_scene("three_link"), pf.load_scene("four_bar")
@@ -54,6 +56,16 @@ for scene in (arm, loop):
     assert result.check().passed(1e-9)
 is_number(pf.inverse_dynamics(arm, q[0], v[0], a[0]).effort_upper)
 list(pf.inverse_dynamics(arm, q, v, a, chunks=2))
+""",
+    "stand": """
+legs = "{pinfric: 1, robot: {urdf: 'example-robot-data:go2_description/urdf/go2.urdf', "
+feet = ", ".join(f"{end}_foot: {{}}" for end in ("FL", "FR", "RL", "RR"))
+pathlib.Path("dog.yaml").write_text(f"{legs}floating: true}}, feet: {{{feet}}}}}")
+dog = pf.load_scene("dog.yaml")
+stood = np.array([[0.0] * 6 + [1.0] + [0.0, 0.8, -1.5] * 4])
+rest = np.zeros((1, dog.model.nv))
+found = pf.stand(dog, pf.Trajectory.from_arrays(dog, [0.0], stood, rest, rest))
+is_number(found.effort_lower, found.effort_upper)
 """,
     "joint_wrenches": "is_number(pf.joint_wrenches(arm, q, v, a))",
     "consistent_motion": """

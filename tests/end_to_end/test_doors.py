@@ -24,6 +24,7 @@ CLASSES = {
     "ParameterDerivatives",
     "Smoothed",
     "StaticHold",
+    "Standing",
     "Motion",
     "Trajectory",
     "Log",

@@ -429,7 +429,7 @@ def test_a_missing_velocity_is_the_states_or_refused(tmp_path):
     assert solver.compensate(q, v, 0 * v) == wanted
 
 
-@pytest.mark.parametrize("to", ["mjcf", "urdf", "sdf", "constants", "cpp"])
+@pytest.mark.parametrize("to", ["mjcf", "urdf", "sdf", "cpp"])
 def test_a_free_base_is_told_to_export_a_fixed_one(to):
     model = chain(
         ("base", pin.JointModelFreeFlyer(), lump(5.0)), ("leg", pin.JointModelRY(), lump(1.0))
@@ -438,6 +438,8 @@ def test_a_free_base_is_told_to_export_a_fixed_one(to):
     with pytest.raises(PinfricError, match=r"'base' has .* degrees of .* fixed base") as refused:
         pf.export(scene, to=to)
     assert "rajectory" not in str(refused.value)
+    with pytest.raises(PinfricError, match="forces at the feet hold this robot: give a motion"):
+        pf.export(scene, to="constants")
 
 
 @needs_compiler
