@@ -847,7 +847,7 @@ def new(
     if link is not None and payload is None:
         raise typer.BadParameter("is the payload's: give --payload KG", param_hint="--link")
     from pinfric.checking.plausibility import check
-    from pinfric.new_scene import write_new
+    from pinfric.new_scene import first_command, write_new
     from pinfric.show.report.check import doubts
 
     with working("reading the robot and its meshes"), warnings.catch_warnings():
@@ -857,6 +857,7 @@ def new(
         files = write_new(urdf, out, payload, link, **given)
         scene = payload is not None or mass is not None or floating
         report = check(files[0]) if scene else check(urdf, arguments)
+        command, motion = first_command(files)
     show(doubts(report))
     for file in files:
         print_line(f"wrote {file}")
@@ -865,8 +866,7 @@ def new(
             "do the links' masses hold the motors and gears? Write `robot.masses`: until then "
             "`size` tries both and takes the heavier drives"
         )
-    motion = [file for file in files if file.name.endswith(".waypoints.yaml")][:1]
-    command, named = "inverse" if motion else "explain", " ".join(map(str, [files[0], *motion]))
+    named = " ".join(map(str, [files[0], *motion]))
     print_line(f"try: pinfric {command} {named}")
     if payload is not None:
         of = "" if link is None else f" --rating link={link}"

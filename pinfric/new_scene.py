@@ -32,13 +32,20 @@ from pinfric.model.files import file_hash, write_folder
 from pinfric.model.massless import massless_joints
 from pinfric.model.robot import Robot, link_frame, locator, read_robot, robot_text, urdf_file
 from pinfric.model.scene import Scene
+from pinfric.model.scene_file import load_scene
 from pinfric.model.schema import Payload
 from pinfric.model.urdf import UrdfDynamics
 from pinfric.model.yamlfile import yaml_line
 from pinfric.motions.followers import Follower, find_followers
-from pinfric.motions.joint_columns import JointColumn, joint_columns, single_positions
+from pinfric.motions.joint_columns import (
+    JointColumn,
+    joint_columns,
+    single_positions,
+    stated_range,
+)
 from pinfric.motions.rating import rate
 from pinfric.motions.standing_pose import Pose, standing_pose
+from pinfric.motions.trajectory import load_trajectory
 
 #: Shear stress (Pa) that sizes a shaft for its torque, and its bearings' diameter over its own.
 _SHEAR, _BEARING_OVER_SHAFT = 20e6, 1.5
@@ -142,9 +149,28 @@ class Begun:
         return self.urdf.stem.removesuffix(".urdf")
 
     @property
-    def keyframe(self) -> tuple[str, Mapping[str, float]]:
-        """The first keyframe of an MJCF: its name, position (rad or m) by joint; else "", none."""
-        return next(iter(self.robot.keyframes.items()), ("", {}))
+    def posture(self) -> tuple[str, Mapping[str, float]]:
+        """Where the robot begins: in words, and the position (rad or m) by joint; zeros are left
+        out.
+
+        That is an MJCF's first keyframe. Else, with loops, joints whose ranges do not hold 0 begin
+        in the middle.
+        """
+        for name, positions in self.robot.keyframes.items():
+            return f"keyframe {yaml_line(name)}", positions
+        if not self.robot.closures.loops:
+            return "", {}
+        model = self.robot.model
+        ranges = {
+            name: stated_range(
+                float(model.lowerPositionLimit[joint.idx_q]),
+                float(model.upperPositionLimit[joint.idx_q]),
+            )
+            for name, joint in zip(model.names, model.joints, strict=True)
+            if joint.nq == joint.nv == 1
+        }
+        middles = {n: round(0.5 * (a + b), 4) for n, (a, b) in ranges.items() if a * b > 0.0}
+        return "the middle of ranges that do not hold 0", middles
 
     @cached_property
     def closed(self) -> Closed | None:
@@ -157,13 +183,14 @@ class Begun:
             return None
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", PinfricWarning)  # said where the scene is loaded
-            start, of = self.keyframe[1], str(self.urdf)
+            start, of = self.posture[1], str(self.urdf)
             scene = Scene(self.robot.model, robot=self.robot, loops=loops, source=of, start=start)
         twin, linkage = scene.twin(), scene.linkage
         assert linkage is not None
         near = scene.start_configuration
         q = closed_configurations(twin, linkage, near, scene.source, {}, wanted=1)[0]
-        return Closed(scene, q, driving_joints(twin, linkage, q))
+        driven = driving_joints(twin, linkage, q)  # a free body has six velocities and no drive
+        return Closed(scene, q, tuple(x for x in driven if x in self.robot.model.names))
 
     @property
     def weight(self) -> float | None:
@@ -294,7 +321,7 @@ def new_waypoints(begun: Begun) -> str:
     columns = joint_columns(robot.model, str(begun.urdf))
     followers = find_followers(SimpleNamespace(robot=robot, model=robot.model), columns)
     columns = tuple(_followed(column, followers) for column in columns)
-    posed = begun.keyframe[1]
+    posed = begun.posture[1]
     start = [
         _rounded(min(max(posed[c.name], c.lower), c.upper), c) if c.name in posed else _start(c)
         for c in columns
@@ -303,7 +330,8 @@ def new_waypoints(begun: Begun) -> str:
         q = single_positions(closed.q[None], [column.nq for column in columns])[0]
         moved = [i for i, column in enumerate(columns) if column.name in closed.driven]
         columns = tuple(columns[i] for i in moved)
-        start = [_rounded(float(q[i]), c) for i, c in zip(moved, columns, strict=True)]
+        at = [min(max(float(q[i]), c.lower), c.upper) for i, c in zip(moved, columns, strict=True)]
+        start = [_rounded(x, column) for x, column in zip(at, columns, strict=True)]
     end = [_end(column, at) for column, at in zip(columns, start, strict=True)]
     names = ", ".join(yaml_line(column.name, within=True) for column in columns)
     there, back, name = _numbers(end), _numbers(start), begun.urdf.name
@@ -420,6 +448,25 @@ def write_new(
     }
     write_folder(folder, schemas | contents)
     return [folder / file for file in contents]
+
+
+def first_command(files: Sequence[Path]) -> tuple[str, list[Path]]:
+    """Return a command that runs with the files of `write_new`, and the motion that it takes.
+
+    Mechanisms of many joints may not follow their first motion; without one, `explain` tries
+    states at random, in which loops would not close.
+    """
+    motion = [file for file in files if file.name.endswith(".waypoints.yaml")][:1]
+    scene = load_scene(files[0])
+    if not scene.loops:
+        return ("inverse" if motion else "explain"), motion
+    try:
+        for file in motion:
+            load_trajectory(file, scene)
+            return "inverse", motion
+    except PinfricError:
+        pass
+    return "check", []
 
 
 def _checked(kind: str, text: str) -> str:
@@ -572,12 +619,12 @@ def _loops_section(model: pin.Model) -> list[str]:
 
 
 def _start_section(begun: Begun) -> list[str]:
-    """Begin where an MJCF's first keyframe stands."""
-    name, positions = begun.keyframe
+    """Begin in the robot's posture."""
+    why, positions = begun.posture
     if not positions:
         return []
     start = yaml_line({"q": dict(positions)})
-    return [f"  start: {start}  # keyframe {yaml_line(name)}"]
+    return [f"  start: {start}  # {why}"]
 
 
 def _file_loops_section(closed: Closed) -> list[str]:

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from cli_cases import told
 from mjcf_cases import FOUR_BAR, GRIPPER, MODELS, mjcf
 
 import pinfric as pf
@@ -312,3 +313,21 @@ def test_includes_are_read_in_their_place(tmp_path):
     (tmp_path / "part.xml").write_text(f"<mujocoinclude>\n{broken}</mujocoinclude>")
     with pytest.raises(RobotError, match=r"line 2 of part.xml, <joint>"):
         pf.load_scene(tmp_path / "x.yaml")
+
+
+def test_new_suggests_only_what_runs(tmp_path, capsys):
+    """A hand that is welded to a free body has no first motion from a file, nor random states."""
+    text = FOUR_BAR.format(TIES["weld"]).replace(
+        '<body name="rocker" pos="0.3 0 0"><joint name="j3" axis="0 1 0"/>',
+        '<body name="rocker" pos="0.3 0 0"><freejoint name="free"/>',
+    )
+    for name, content, command in (
+        ("welded", text, "check"),
+        ("arm", MODELS["arm"], "inverse"),
+        ("leg", MODELS["leg"], "explain"),
+        ("bar", FOUR_BAR.format(TIES["connect"]), "inverse"),
+    ):
+        (tmp_path / f"{name}.xml").write_text(content)
+        said = told(capsys, "new", f"{name}.xml").out.splitlines()[-1]
+        assert said.startswith(f"try: pinfric {command} {name}.yaml")
+        told(capsys, *said.removeprefix("try: pinfric ").split())
