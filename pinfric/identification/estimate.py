@@ -257,6 +257,9 @@ def estimate(question: Question, progress: Callable[[int, int], object]) -> Esti
         laws = [offered(result, j) for j in range(len(result.rows))]
         _find_delay(result, reload=True)
         _fit(result, laws)
+    if lossy := _beyond_a_gear(result):
+        offers = enumerate(result.problem.laws)
+        _fit(result, [[x for x in own if j not in lossy or x.load != "gear"] for j, own in offers])
     touched = () if question.contacts else contacts(result.prepared, result.rows, result.fit)
     if touched:  # all again: laws and delay were found beside it
         del result
@@ -549,6 +552,22 @@ def _at_an_end(problem: Problem, choice: Choice, fit: Fit, scale: bool) -> list[
             zero = min(driving, driven) <= 0.0 and not scale
             ends += [j] if zero or 1.0 - driven <= -(1.0 + driving) else []
     return ends
+
+
+def _beyond_a_gear(estimate: Estimate) -> list[int]:
+    """Return the joints whose chosen gear would lose more than a gear does, and may do without.
+
+    Where a joint carries little, other friction that no law has makes such a loss, which fits these
+    logs and predicts no other motion.
+    """
+    return [
+        j
+        for j, law in enumerate(estimate.choice.laws)
+        if law.load == "gear"
+        and law.both_ways
+        and estimate.fit.slots[j, GEARS[law.side, "both"]] > _MOST_LOSS
+        and any(own.load != "gear" for own in estimate.problem.laws[j])
+    ]
 
 
 def reloaded(estimate: Estimate, prepared: Prepared, scene: Scene | None = None) -> Prepared:

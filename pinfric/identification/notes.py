@@ -59,6 +59,8 @@ _HOLDS = 3
 _SLIGHT = 0.05
 #: Share by which time stamps may be wrong without a doubt, by kept links.
 _OFF = 0.05
+#: Share of a residual's square from which a shape is so large that it looks like other errors.
+_LARGE = 0.3
 #: How much larger an error may be than that of least squares without a word.
 _WORSE = 0.03
 
@@ -160,7 +162,7 @@ def notes(
     }
     clear, slight = ([x for x in shapes if (x.share > _SLIGHT) is named] for named in (True, False))
     lines += _misfits(estimate, slight)
-    geometry, of_geometry = _geometry(estimate)
+    geometry, of_geometry = _geometry(estimate, clear)
     lines += of_geometry
     doubts = (
         geometry
@@ -332,15 +334,18 @@ def _time(low: float, high: float, by: str, wrong: bool) -> tuple[list[str], lis
     return [], [told]
 
 
-def _zeros(zeros: Sequence[Zero], names: Sequence[str]) -> tuple[list[str], list[str]]:
-    """What efforts tell of the zeros of angles, with the links free: doubts, and other lines."""
+def _zeros(zeros: Sequence[Zero], names: Sequence[str], fits: bool) -> tuple[list[str], list[str]]:
+    """What efforts tell of the zeros of angles, with the links free: doubts, and other lines.
+
+    `fits`: whether any is doubted.
+    """
 
     def said(own: Sequence[Zero]) -> str:
         return ", ".join(
             f"{names[x.joint]} {x.value:.2f} +- {REACH * x.standard_error:.2f}" for x in own
         )
 
-    off, other = ([x for x in zeros if x.off is wrong] for wrong in (True, False))
+    off, other = ([x for x in zeros if (fits and x.off) is wrong] for wrong in (True, False))
     doubts = [
         f"the logged angle is larger than the true one by so many rad: {said(off)}; `offset` in a "
         "file given by --columns moves its zero"
@@ -400,8 +405,12 @@ def _scales(estimate: Estimate, shapes: Sequence[Misfit]) -> tuple[list[str], li
     return doubts * bool(wrong), lines * bool(small)
 
 
-def _geometry(estimate: Estimate) -> tuple[list[str], list[str]]:
-    """What efforts tell of gravity, time stamps and zeros: doubts, and other lines."""
+def _geometry(estimate: Estimate, shapes: Sequence[Misfit]) -> tuple[list[str], list[str]]:
+    """What efforts tell of gravity, time stamps and zeros: doubts, and other lines.
+
+    Beside a large misfit of friction neither stamps nor zeros are doubted: it looks like them.
+    """
+    fits = all(shape.share < _LARGE for shape in shapes)
     question, names = estimate.question, estimate.scene.joint_names
     gravity = gravity_by_efforts(estimate)
     told = [(_tilt(gravity), list[str]())]
@@ -412,12 +421,12 @@ def _geometry(estimate: Estimate) -> tuple[list[str], list[str]]:
         if whole is not None:
             ends = (max(whole[0] + way * whole[1], 0.0) for way in (-1.0, 1.0))
             low, high = (float(np.sqrt(end)) for end in ends)
-            wrong = low > 1.0 + _OFF or high < 1.0 - _OFF
+            wrong = fits and (low > 1.0 + _OFF or high < 1.0 - _OFF)
             told.append(_time(low, high, "by the inertia of the kept links", wrong))
     elif gravity is not None:
         told += [
-            _time(*gravity.time(), "by gravity", gravity.off_the_clock),
-            _zeros(zeros_by_efforts(estimate), names),
+            _time(*gravity.time(), "by gravity", fits and gravity.off_the_clock),
+            _zeros(zeros_by_efforts(estimate), names, fits),
         ]
     doubts, lines = zip(*told, strict=True)
     return [x for own in doubts for x in own], [x for own in lines for x in own]

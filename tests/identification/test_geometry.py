@@ -8,7 +8,8 @@ import pytest
 from identify_cases import excitation, guess, logged, motor_effort, truth
 
 import pinfric as pf
-from pinfric.identification.geometry import Gravity, gravity_by_efforts, zeros_by_efforts
+from pinfric.identification.geometry import Gravity, Zero, gravity_by_efforts, zeros_by_efforts
+from pinfric.identification.notes import _geometry, _zeros
 
 
 @pytest.mark.parametrize("angle", [12.0, pytest.param(4.0, marks=pytest.mark.slow)])
@@ -74,3 +75,15 @@ def test_gravity_that_is_not_known_tells_no_end_of_the_time():
     assert not known.off_the_clock
     assert replace(known, size_error=0.1).off_the_clock
     assert not replace(known, size=0.95, size_error=0.01).off_the_clock
+
+
+def test_beside_a_large_misfit_of_friction_zeros_and_stamps_are_no_doubt(found):
+    off, names = Zero(1, 0.4, 0.05), ["base", "shoulder"]
+    doubts, lines = _zeros([off], names, True)
+    assert "shoulder 0.40 +- 0.10" in doubts[0]
+    assert not lines
+    doubts, lines = _zeros([off], names, False)
+    assert not doubts
+    assert "shoulder 0.40 +- 0.10" in lines[0]
+    assert not any(x.share > 0.3 for x in found.misfits)
+    assert _geometry(found.estimate, found.misfits)[0] == []

@@ -35,7 +35,7 @@ from pinfric.errors import IdentificationError
 from pinfric.identification import advice
 from pinfric.identification.advice import advice_text
 from pinfric.identification.columns import joint_rows, with_loads
-from pinfric.identification.estimate import _at_an_end, _worse
+from pinfric.identification.estimate import _at_an_end, _beyond_a_gear, _worse
 from pinfric.identification.excitation import Reach, informative_moves
 from pinfric.identification.files import posterior_text
 from pinfric.identification.findings import HeldOut
@@ -189,6 +189,28 @@ def test_of_two_losses_one_that_is_zero_is_the_end_of_the_masses_scale(found):
     for loss, ends in ((2.04, []), (2.06, [1])):  # 1/eta = 1.05
         slots[1, driven] = loss
         assert _at_an_end(problem, choice, fit, scale=True) == ends
+
+
+@pytest.mark.parametrize(
+    ("side", "loss", "stated", "beyond"),
+    [
+        ("joint", 0.88, False, [0]),
+        ("motor", 0.88, False, [0]),
+        ("motor", 0.45, False, []),
+        ("joint", 0.88, True, []),
+    ],
+)
+def test_a_gear_that_loses_more_than_a_gear_does_is_not_taken(side, loss, stated, beyond):
+    """Beside friction that depends on the angle a base's gear "lost" 94 %: unseen error 77 %."""
+    gear = Law(exponent=None, load="gear", side=side, both_ways=True)
+    slots = np.zeros((1, len(SLOTS)))
+    slots[0, GEARS[side, "both"]] = loss
+    estimate = SimpleNamespace(
+        choice=SimpleNamespace(laws=[gear]),
+        fit=SimpleNamespace(slots=slots),
+        problem=SimpleNamespace(laws=[[gear] if stated else [Law(), gear]]),
+    )
+    assert _beyond_a_gear(estimate) == beyond
 
 
 # Findings: errors of joints; what is found of friction behind a drive belongs to that drive.
