@@ -162,7 +162,7 @@ def notes(
     }
     clear, slight = ([x for x in shapes if (x.share > _SLIGHT) is named] for named in (True, False))
     lines += _misfits(estimate, slight)
-    geometry, of_geometry = _geometry(estimate, clear)
+    geometry, of_geometry = _geometry(estimate, _by_joint(contradicting), clear)
     lines += of_geometry
     doubts = (
         geometry
@@ -405,12 +405,15 @@ def _scales(estimate: Estimate, shapes: Sequence[Misfit]) -> tuple[list[str], li
     return doubts * bool(wrong), lines * bool(small)
 
 
-def _geometry(estimate: Estimate, shapes: Sequence[Misfit]) -> tuple[list[str], list[str]]:
+def _geometry(
+    estimate: Estimate, others: Sequence[str], shapes: Sequence[Misfit]
+) -> tuple[list[str], list[str]]:
     """What efforts tell of gravity, time stamps and zeros: doubts, and other lines.
 
-    Beside a large misfit of friction neither stamps nor zeros are doubted: it looks like them.
+    Beside `others`, doubts of the model, or a large misfit of friction neither stamps nor zeros are
+    doubted: these look like them.
     """
-    fits = all(shape.share < _LARGE for shape in shapes)
+    fits = not others and all(shape.share < _LARGE for shape in shapes)
     question, names = estimate.question, estimate.scene.joint_names
     gravity = gravity_by_efforts(estimate)
     told = [(_tilt(gravity), list[str]())]

@@ -86,4 +86,4 @@ def test_beside_a_large_misfit_of_friction_zeros_and_stamps_are_no_doubt(found):
     assert not doubts
     assert "shoulder 0.40 +- 0.10" in lines[0]
     assert not any(x.share > 0.3 for x in found.misfits)
-    assert _geometry(found.estimate, found.misfits)[0] == []
+    assert _geometry(found.estimate, [], found.misfits)[0] == []
