@@ -410,10 +410,10 @@ def _geometry(
 ) -> tuple[list[str], list[str]]:
     """What efforts tell of gravity, time stamps and zeros: doubts, and other lines.
 
-    Beside `others`, doubts of the model, or a large misfit of friction neither stamps nor zeros are
-    doubted: these look like them.
+    Beside a large misfit of friction neither stamps nor zeros are doubted: it looks like them. Nor
+    are zeros beside `others`, doubts of the model.
     """
-    fits = not others and all(shape.share < _LARGE for shape in shapes)
+    fits = all(shape.share < _LARGE for shape in shapes)
     question, names = estimate.question, estimate.scene.joint_names
     gravity = gravity_by_efforts(estimate)
     told = [(_tilt(gravity), list[str]())]
@@ -429,7 +429,7 @@ def _geometry(
     elif gravity is not None:
         told += [
             _time(*gravity.time(), "by gravity", fits and gravity.off_the_clock),
-            _zeros(zeros_by_efforts(estimate), names, fits),
+            _zeros(zeros_by_efforts(estimate), names, fits and not others),
         ]
     doubts, lines = zip(*told, strict=True)
     return [x for own in doubts for x in own], [x for own in lines for x in own]
