@@ -142,7 +142,7 @@ class Workspace:
         self._alone = np.setdiff1d(geared, t.entries.coordinate)
         of = drives.gear_coordinate.tolist()
         self.places += [(scene.drives[of.index(c)].name, c, False) for c in self._alone.tolist()]
-        self._tau, self._free = m.scratch.given, self._free_model()
+        self._tau, self._free = m.free_motion.effort, self._free_model()
         self._solve_instant: Any = solve_instant
         self._slide_freely: Any = slide_freely
         self.shapes, self.ratio = ((self.nq,), (self.nv,), (self.na,)), drives.gears.ratio
@@ -245,7 +245,7 @@ class Workspace:
             if tries == _LINES or not self._slide_freely(machine, v, effort, choice):
                 return False
             if armature is not None:
-                armature[:] = self.machine.maps.push
+                armature[:] = self.machine.free_motion.armature
             a = pin.aba(self._free, self.pinocchio.data, q, v, self._tau)
             if not hypot(*a.tolist()) < _FASTEST:
                 return False

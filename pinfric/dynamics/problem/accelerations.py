@@ -516,20 +516,20 @@ def _find_dead_centres(machine: Machine, dead: np.ndarray) -> None:
 
 @kernel
 def _add_drag(machine: Machine, step: float) -> None:
-    """Let drag d act at the end of the step, d + c (v' - v): M + step D^T c D, given - D^T d.
+    """Let drag d act at the end of the step, d + c (v' - v): M + step D^T c D, S u - D^T d.
 
     c is the larger of the secant d/|v|, so that drag reverses no motion, and half its slope, so
     that speeds converge to the balance of drag and drive at any step.
     """
     M, drag, damping = machine.maps.M, machine.maps.drag, machine.maps.damping
-    D, given = machine.kinematics.D, machine.scratch.given
+    D, unbalanced = machine.kinematics.D, machine.maps.unbalanced
     nc, nv = D.shape
     for c in range(nc):
         if damping[c] == 0.0:
             continue
         for i in range(nv):
             if D[c, i] != 0.0:
-                given[i] -= D[c, i] * drag[c]
+                unbalanced[i] -= D[c, i] * drag[c]
                 for j in range(nv):
                     M[i, j] += step * D[c, i] * damping[c] * D[c, j]
 
@@ -561,23 +561,18 @@ def write_accelerations(
     Args, returns: see `instant.solve_instant`. Rates and laws must be written.
     """
     t, maps = machine.plan.closure, machine.maps
-    M, h, given, terms, push = (
-        maps.M,
-        machine.pinocchio.h,
-        machine.scratch.given,
-        maps.push_terms,
-        maps.push,
-    )
+    M, h, terms = maps.M, machine.pinocchio.h, maps.push_terms
+    unbalanced, push = maps.unbalanced, maps.push
     nv, closed, rank = v.size, t.multipliers > 0, 0
     motors, arriving = machine.plan.drives.gears.ratio.size > 0, machine.rotors.arriving
     if motors:
         write_gears(machine, v, effort, step)
-    given[:] = 0.0
+    unbalanced[:] = 0.0
     for d in range(effort.size):
         if not motors:
             arriving[d] = effort[d]
         for i in range(nv):
-            given[i] += machine.kinematics.S[d, i] * arriving[d]
+            unbalanced[i] += machine.kinematics.S[d, i] * arriving[d]
     write_mass_matrix(machine)
     if step > 0.0:
         _add_drag(machine, step)
@@ -590,8 +585,8 @@ def write_accelerations(
     for i in range(q.size):
         size += abs(q[i])
     for i in range(nv):
-        terms[i] = abs(given[i]) + abs(h[i])
-        push[i] = given[i] = given[i] - h[i]
+        terms[i] = abs(unbalanced[i]) + abs(h[i])
+        push[i] = unbalanced[i] = unbalanced[i] - h[i]
         if closed:
             for j in range(nv):
                 push[i] -= M[i, j] * maps.a_closure[j]

@@ -163,7 +163,7 @@ class AffineMaps(NamedTuple):
         Z: (nv, nv) motions that loops allow, in its first columns; `freedoms`: (1,) how many.
         a_closure: (nv,) one acceleration that keeps them closed.
         factor: (nv, nc) A of rate_slope = A^T A, its first d rows.
-        push, push_terms: (nv,) S u - h - M a_closure; size of S u and h.
+        unbalanced, push, push_terms: (nv,) S u - h; that less M a_closure; size of S u and h.
         idle: (nc,) whether a joint is near its dead centre.
         drag, damping: (nc,) of a time step: drag now, and its change per unit of speed at the end.
     """
@@ -177,6 +177,7 @@ class AffineMaps(NamedTuple):
     freedoms: np.ndarray = array("1", np.int64)
     a_closure: np.ndarray = array("nv")
     factor: np.ndarray = array("nv nc")
+    unbalanced: np.ndarray = array("nv")
     push: np.ndarray = array("nv")
     push_terms: np.ndarray = array("nv")
     idle: np.ndarray = array("nc", bool)
@@ -195,6 +196,17 @@ class Rotors(NamedTuple):
 
     inertia: np.ndarray = array("na")
     arriving: np.ndarray = array("na")
+
+
+class FreeMotion(NamedTuple):
+    """What one ABA takes while everything slides and no load changes friction, see `sliding`.
+
+    Attributes:
+        effort, armature: (nv,) of drives and friction together, on the lines that gears are on.
+    """
+
+    effort: np.ndarray = array("nv")
+    armature: np.ndarray = array("nv")
 
 
 class Results(NamedTuple):
@@ -227,7 +239,6 @@ class Results(NamedTuple):
 class Scratch(NamedTuple):
     """Intermediate results."""
 
-    given: np.ndarray = array("nv")
     lower: np.ndarray = array("nv nv")
     right: np.ndarray = array("nv columns")
     below: np.ndarray = array("nj columns 6")
@@ -243,13 +254,15 @@ class Machine(NamedTuple):
     kinematics: Kinematics
     maps: AffineMaps
     rotors: Rotors
+    free_motion: FreeMotion
     results: Results
     scratch: Scratch
     modes: Modes
     problem: Problem
 
 
-for _part in (Tree, PinocchioData, Kinematics, AffineMaps, Rotors, Results, Scratch, Machine):
+_PARTS = Tree, PinocchioData, Kinematics, AffineMaps, Rotors, FreeMotion, Results, Scratch
+for _part in (*_PARTS, Machine):
     record(_part)
 
 
@@ -290,6 +303,7 @@ def make_machine(twin: Twin, plan: Plan, views: PinocchioData) -> Machine:
         ),
         maps=make(AffineMaps, **sizes)._replace(Z=np.eye(twin.nv)),
         rotors=make(Rotors, **sizes),
+        free_motion=make(FreeMotion, **sizes),
         results=make(Results, **sizes),
         scratch=make(Scratch, **sizes),
         modes=Modes.of(nc, len(problem.coordinate), len(geared)),

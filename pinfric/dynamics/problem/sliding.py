@@ -27,12 +27,11 @@ def slide_freely(machine: Machine, v: np.ndarray, given: np.ndarray, choice: int
     """Write the joints' efforts and armatures while everything slides; False: not all does.
 
     Args:
-        machine: its modes, laws and friction are overwritten; `scratch.given` (nv,) with what
-            drives and friction add up to, `maps.push` (nv,) with the armatures.
+        machine: its modes, laws and friction are overwritten, and `free_motion` is written.
         v, given: (nv,), (na,), see `instant.solve_instant`.
         choice: `FREE`: modes by the velocities; else those in `modes`.
     """
-    tau, armature = machine.scratch.given, machine.maps.push
+    tau, armature = machine.free_motion.effort, machine.free_motion.armature
     t, e, m, found = machine.plan.coordinates, machine.plan.entries, machine.modes, machine.results
     p, drives, rate = machine.problem, machine.plan.drives, machine.kinematics.coordinate_rate
     for c in range(rate.size):

@@ -266,14 +266,14 @@ def write_wrenches(machine: Machine, q: np.ndarray) -> bool:
 def _write_multipliers(machine: Machine) -> None:
     """Write multipliers, and add their part to the wrenches."""
     t, maps, contacts = machine.plan.closure, machine.maps, machine.plan.contacts
-    M, D, J, given = maps.M, machine.kinematics.D, machine.kinematics.J, machine.scratch.given
+    M, D, J, unbalanced = maps.M, machine.kinematics.D, machine.kinematics.J, maps.unbalanced
     nl, (nc, nv) = t.multipliers, D.shape
     A, free = np.empty((nv, nl + 1 + nc)), np.empty((nl, nl))
     for i in range(nv):
         for r in range(nl):
             A[i, r] = J[0, t.off_joint + r, i]
         for n in range(1 + nc):
-            A[i, nl + n] = -given[i] if n == 0 else -D[n - 1, i]
+            A[i, nl + n] = -unbalanced[i] if n == 0 else -D[n - 1, i]
             for j in range(nv):
                 A[i, nl + n] += M[i, j] * maps.acceleration[j, n]
     ways = nl - solve_balance(A, t.scale, maps.multiplier, free)  # to share redundant ones
