@@ -44,6 +44,7 @@ from pinfric.terminal import (
     pairs,
     picture_files,
     pictures,
+    pictures_of,
     print_line,
     progress,
     run,
@@ -167,8 +168,6 @@ def inverse(
     from pinfric.dynamics.inverse.standing import needs_forces, stand
     from pinfric.elastic.motion import elasticity
     from pinfric.motions.log.judged import judge_log
-    from pinfric.show.figure.efforts import effort_figure
-    from pinfric.show.figure.elastic import tool_figure
     from pinfric.show.figure.measured import measured_figure
     from pinfric.show.inverse_summary import inverse_summary
     from pinfric.show.report.inverse import inverse_report, verdict
@@ -187,12 +186,12 @@ def inverse(
         summary = inverse_summary(result, trajectory.source, judged, elastic, standing)
     files: Files = {
         "efforts.csv": lambda path: result.to_dataframe().to_csv(path, index=False),
-        **pictures(efforts=lambda: effort_figure(result, name, log=judged)),
+        **pictures_of(out, result, trajectory=name, log=judged),
     }
     if judged is not None and judged.measured:
         files |= pictures(measured=lambda: measured_figure(result, judged, name))
     if elastic is not None and elastic.worst is not None:
-        files |= pictures(tool=lambda: tool_figure(elastic, name))
+        files |= pictures_of(out, elastic, title=name)
     report = partial(inverse_report, result, summary, judged, run.verbose)
     said = partial(verdict, result, summary)
     answer(
@@ -229,7 +228,6 @@ def simulate(
     names = ["motion.csv", "motion.npz", *picture_files("motion"), "summary.json"]
     scene, _ = load(scene_name, out=out, names=names)
     from pinfric.dynamics.simulation.simulate import simulate
-    from pinfric.show.figure.motion import motion_figure
     from pinfric.show.motion_summary import motion_summary
     from pinfric.show.report.motion import motion_report
 
@@ -247,7 +245,7 @@ def simulate(
     files: Files = {
         "motion.csv": lambda path: motion.to_dataframe().to_csv(path, index=False),
         "motion.npz": motion.save,
-        **pictures(motion=partial(motion_figure, motion)),
+        **pictures_of(out, motion),
     }
     report = partial(motion_report, motion, summary)
     answer("simulate", summary, report, as_json, out, files, scene=scene)
@@ -505,7 +503,6 @@ def stop(
     names = ["report.html", *picture_files("stop"), "summary.json"]
     scene, trajectory = load(scene_name, trajectory_name, log, out, names)
     from pinfric.checking.findings import errors
-    from pinfric.show.figure.stop import stop_figure
     from pinfric.show.pages.stop import stop_page
     from pinfric.show.report.stop import stop_report, verdict
     from pinfric.stops.study import stop, stop_summary
@@ -515,7 +512,7 @@ def stop(
     summary = stop_summary(result)
     files: Files = {
         "report.html": lambda path: path.write_text(stop_page(result), encoding="utf-8"),
-        **pictures(stop=partial(stop_figure, result)),
+        **pictures_of(out, result),
     }
     tables = partial(stop_report, scene.source, summary, run.verbose, out is not None)
     said = partial(verdict, summary)
@@ -551,7 +548,6 @@ def retime(
     scene, _ = load(scene_name, out=out, names=names, later=[path_name, motors])
     from pinfric.retiming.retime import retime
     from pinfric.retiming.summary import retime_summary
-    from pinfric.show.figure.retime import retime_figure
     from pinfric.show.report.retime import retime_report, verdict
 
     with working("retiming"):
@@ -560,7 +556,7 @@ def retime(
     summary = retime_summary(result)
     files: Files = {
         "trajectory.csv": result.trajectory.to_csv,
-        **pictures(retime=partial(retime_figure, result)),
+        **pictures_of(out, result),
     }
     report = partial(retime_report, result, summary, run.verbose, out is not None)
     said = partial(verdict, summary)
@@ -594,7 +590,6 @@ def sweep(
     """
     names = ["samples.csv", *picture_files("sweep"), "summary.json"]
     scene, trajectory = load(scene_name, trajectory_name, log, out, names, [sweep_name])
-    from pinfric.show.figure.sweep import sweep_figure
     from pinfric.show.report.sweep import sweep_report
     from pinfric.sweeps.run import sweep
     from pinfric.sweeps.summary import sweep_summary
@@ -614,7 +609,7 @@ def sweep(
 
     files: Files = {
         "samples.csv": write_samples,
-        **pictures(sweep=partial(sweep_figure, result)),
+        **pictures_of(out, result),
     }
     tables = partial(sweep_report, result, summary)
     answer("sweep", summary, tables, as_json, out, files, scene=scene)
@@ -986,13 +981,12 @@ def accuracy(scene_name: SceneName, out: OutFolder = None, as_json: AsJson = Fal
     names = [*picture_files("accuracy"), "accuracy.csv", "summary.json"]
     scene, _ = load(scene_name, out=out, names=names)
     from pinfric.accuracy.study import accuracy
-    from pinfric.show.figure.accuracy import accuracy_figure
     from pinfric.show.report.accuracy import accuracy_report
 
     with working("measuring, half a minute or more; minutes with closed loops"):
         measured = accuracy(scene)
     files: Files = {
-        **pictures(accuracy=partial(accuracy_figure, measured)),
+        **pictures_of(out, measured),
         "accuracy.csv": lambda path: measured.summary().to_csv(path),
     }
     report = partial(accuracy_report, measured)

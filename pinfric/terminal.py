@@ -285,6 +285,15 @@ def picture_files(*names: str) -> list[str]:
     return [f"{name}.{kind}" for name in names for kind in ("png", "pdf")]
 
 
+def pictures_of(out: Path | None, result: Any, **options: Any) -> dict[str, Writer]:
+    """Return what writes the figures of a result into a folder, if there is one (`pictures`)."""
+    if out is None:
+        return {}
+    from pinfric.show.figure.registry import figures_of
+
+    return pictures(**{f.name: partial(f.draw, result, **options) for f in figures_of(result)})
+
+
 def pictures(**figures: Callable[[], Figure]) -> dict[str, Writer]:
     """Return what writes the files of pictures (`picture_files`); each is drawn once."""
 

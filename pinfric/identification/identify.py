@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import cached_property
 from pathlib import Path
 from typing import Literal
 
@@ -51,6 +52,11 @@ _DRAWS = 400
 
 class Identified(Findings, Shown):  # noqa: D101 (that of its fields)
     __doc__ = Findings.__doc__
+
+    @cached_property
+    def beside_measured(self) -> dict[int, tuple[InverseResult, JudgedLog]]:
+        """Of each log that was asked for, what `beside_measured` returns."""
+        return {}
 
     def save(self, folder: str | Path) -> list[Path]:
         """Write scene.yaml, robot.urdf if inertias changed, posterior.csv, sweep.yaml, advice.
@@ -220,6 +226,13 @@ def _identified(estimate: Estimate, unseen: Sequence[Recording], seed: int) -> I
 
 def beside_measured(identified: Identified, log: int = 0) -> tuple[InverseResult, JudgedLog]:
     """Return the identified scene's efforts along a log, and the log's own beside them."""
+    known = identified.beside_measured
+    if log not in known:
+        known[log] = _beside_measured(identified, log)
+    return known[log]
+
+
+def _beside_measured(identified: Identified, log: int) -> tuple[InverseResult, JudgedLog]:
     recording = identified.recordings[log]
     result = inverse_dynamics(identified.scene, recording.trajectory)
     at = identified.estimate.question.at

@@ -50,10 +50,10 @@ class Shown:
     ['unit', 'peak', 'rms', 'work', 'heat', 'gear_heat', 'stick_time']
     """
 
-    def plot(self, **options: Any) -> Figure:
-        """Return the figure that `--out` writes, a `matplotlib.figure.Figure`: `pf.plot`."""
-        figure: Figure = _FUNCTIONS["plot"](self, **options)
-        return figure
+    def plot(self, figure: str = "", **options: Any) -> Figure:
+        """Return the figure that `--out` writes, or another by its name: `pf.plot`."""
+        drawing: Figure = _FUNCTIONS["plot"](self, figure, **options)
+        return drawing
 
     def summary(self) -> pd.DataFrame:
         """Return the figures of each drive, one row per drive, in SI units: `pf.summary`."""

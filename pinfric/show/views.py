@@ -21,19 +21,12 @@ from pinfric.elastic.motion import Elasticity
 from pinfric.elastic.summary import elastic_summary
 from pinfric.errors import StateError
 from pinfric.exporting.export import Exported
-from pinfric.identification.identify import Identified, beside_measured
+from pinfric.identification.identify import Identified
 from pinfric.model.described import quantities
 from pinfric.motions.summary import summarize
 from pinfric.retiming.retime import RetimeResult
 from pinfric.retiming.summary import retime_summary
-from pinfric.show.figure.accuracy import accuracy_figure
-from pinfric.show.figure.efforts import effort_figure
-from pinfric.show.figure.elastic import tool_figure
-from pinfric.show.figure.measured import measured_figure
-from pinfric.show.figure.motion import motion_figure
-from pinfric.show.figure.retime import retime_figure
-from pinfric.show.figure.stop import stop_figure
-from pinfric.show.figure.sweep import sweep_figure
+from pinfric.show.figure.registry import figure_of
 from pinfric.show.motion_summary import drive_work
 from pinfric.show.report.html import html_of
 from pinfric.show.report.rows import flat, table_of
@@ -47,8 +40,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-def plot(result: Any, **options: Any) -> Figure:
-    """Return the figure that `--out` writes for a result.
+def plot(result: Any, figure: str = "", **options: Any) -> Figure:
+    """Return a figure of a result: the one that `--out` writes, or one of its page.
 
     Args:
         result: of `inverse_dynamics` (options: `trajectory`, a name for the title; `joints`, names
@@ -57,15 +50,23 @@ def plot(result: Any, **options: Any) -> Figure:
             chosen drives' masses; options as of `inverse_dynamics`), `retime`, `stop`, `sweep`,
             `identify` (measured efforts over those of the scene found; option: `log`, its number)
             or `accuracy`.
+        figure: its name; empty: the first. `size` has "bus", too. These draw one drive, whose
+            number `drive` is: "envelope", "effort", "heat" of `size`, "speed", "effort" of `stop`,
+            "time", "velocity", "load" of `identify`.
         options: see there.
 
     Raises:
-        StateError: it is none of these, or has no times.
+        StateError: it is none of these, or has no times; there is no such figure.
     """
-    figure: Figure = _of(_FIGURES, result, "picture")(result, **options)
+    chosen = figure_of(result, figure)
+    if chosen.one and not isinstance(options.get("drive"), int):
+        raise StateError(f"figure: {figure!r} draws one drive: give its number, as drive=0")
+    drawing = chosen.draw(result, **options)
+    if drawing is None:
+        raise StateError(f"figure: this {type(result).__name__} lacks what {figure!r} shows")
     if "ax" not in options:  # a notebook shows it, of which pyplot knows nothing
-        figure._repr_png_ = partial(_png, figure)  # type: ignore[attr-defined]
-    return figure
+        drawing._repr_png_ = partial(_png, drawing)
+    return drawing
 
 
 def summary(result: Any) -> pd.DataFrame:
@@ -169,19 +170,6 @@ def _identified(result: Identified) -> pd.DataFrame:
     return table.reset_index().set_index("key")
 
 
-_FIGURES: dict[type, Callable[..., Figure]] = {
-    InverseResult: effort_figure,
-    Elasticity: tool_figure,
-    SizingReport: lambda report, **options: effort_figure(report.result, **options),
-    Accuracy: accuracy_figure,
-    RetimeResult: retime_figure,
-    Motion: motion_figure,
-    StopResult: stop_figure,
-    SweepResult: sweep_figure,
-    Identified: lambda identified, log=0: measured_figure(
-        *beside_measured(identified, log), identified.recordings[log].name
-    ),
-}
 _TABLES: dict[type, Callable[[Any], pd.DataFrame]] = {
     InverseResult: lambda result: _frame(summarize(result), "name", "drive"),
     Elasticity: _elastic,

@@ -20,7 +20,10 @@ from pinfric.accuracy import study
 from pinfric.accuracy.explain import explain
 from pinfric.errors import StateError
 from pinfric.model.described import EFFORT, MOTOR, in_json
+from pinfric.show.figure import registry
 from pinfric.show.inverse_summary import inverse_summary
+from pinfric.show.pages.sizing import sizing_page
+from pinfric.sizing.report import SizingReport
 from pinfric.sweeps.summary import sweep_summary
 
 LONG = "a_very_long_name_of_a_joint_that_some_exporter_made_up_from_the_path_of_its_part"
@@ -161,6 +164,34 @@ def test_plot_is_a_matplotlib_figure(panda):
         pf.plot(scene)
     with pytest.raises(StateError, match="a Trajectory has no table"):
         pf.summary(motion)
+
+
+def test_a_figure_is_found_by_its_result_in_plot_and_on_the_page(tmp_path, monkeypatch):
+    """A new one is a function with `draws` above it: no list names it."""
+    monkeypatch.setattr(registry, "_KNOWN", [*registry.known()])
+
+    @registry.draws(SizingReport, "own", "Speed over the cycle", one=True)
+    def own(report, drive):
+        figure = Figure(figsize=(5.0, 2.0))
+        figure.subplots().plot(report.result.times, report.result.v[:, drive])
+        return figure
+
+    scene = turntable()
+    report = pf.size(scene, trapezoid(scene), one_drive(tmp_path), on_miss="ignore")
+    (line,) = report.plot("own", drive=0).axes[0].lines
+    assert_array_equal(line.get_ydata(), report.result.v[:, 0])
+    page = sizing_page(report)
+    for name in ("envelope", "effort", "heat", "own"):
+        assert isinstance(report.plot(name, drive=0), Figure)
+        assert f'<figure id="{name}-0"><svg' in page
+    assert '<figure id="bus"><svg' in page
+    assert isinstance(report.plot("bus"), Figure)
+    with pytest.raises(StateError, match="'own' draws one drive: give its number, as drive=0"):
+        report.plot("own")
+    with pytest.raises(StateError, match=r"SizingReport has no 'heats'; .*heat"):
+        report.plot("heats")
+    with pytest.raises(StateError, match="this SizingReport lacks what 'bus' shows"):
+        pf.size(scene, trapezoid(scene)).plot("bus")
 
 
 def test_efforts_are_drawn_in_axes_of_the_callers(panda):

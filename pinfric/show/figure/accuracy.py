@@ -10,6 +10,7 @@ import numpy as np
 
 from pinfric.accuracy.study import Accuracy, TimedRun
 from pinfric.show.figure.panel import key_below, sheet
+from pinfric.show.figure.registry import draws
 from pinfric.show.figure.style import BLUE, GREEN, GRID, INK, QUIET, RED, style
 
 if TYPE_CHECKING:
@@ -22,6 +23,7 @@ _STYLES = {"event": (BLUE, "o"), "timestepping": (RED, "s"), "regularized": (GRE
 _FLOOR = 1e-13
 
 
+@draws(Accuracy, "accuracy")
 def accuracy_figure(accuracy: Accuracy) -> Figure:
     """Draw error against time, a line per method: of q, and of stick times if any joint sticks."""
     panels = {"error": "error of q (rad or m)", "stick_error": "error of stick times (s)"}

@@ -24,6 +24,7 @@ from pinfric.motions.summary import (
     summarize,
 )
 from pinfric.show.figure.panel import key_below, sheet
+from pinfric.show.figure.registry import draws
 from pinfric.show.figure.style import BLUE, GREEN, GRID, INK, ORANGE, QUIET, style
 from pinfric.show.report.inverse import log_lines
 from pinfric.show.report.names import picture_names, shortened
@@ -91,6 +92,7 @@ _FEW = 80
 _LETTER, _BOLD_LETTER, _WIDTH, _STRIP = 0.068, 0.088, 10.2, 0.3
 
 
+@draws(InverseResult, "efforts")
 def effort_figure(
     result: InverseResult,
     trajectory: str = "",

@@ -11,6 +11,7 @@ from pinfric.elastic.motion import Elasticity, RestPeriod, ToolPlace
 from pinfric.elastic.places import outline
 from pinfric.errors import StateError
 from pinfric.show.figure.panel import key_below, sheet
+from pinfric.show.figure.registry import draws
 from pinfric.show.figure.style import BLUE, GREEN, GRID, INK, QUIET, RED, style
 from pinfric.show.report.values import digits
 
@@ -22,6 +23,7 @@ _INSIDE, _EDGE, _APPROACH, _OPPOSITE = "#CFE3F1", BLUE, RED, GREEN
 _AXES, MM = "xyz", 1e3
 
 
+@draws(Elasticity, "tool")
 def tool_figure(elastic: Elasticity, title: str = "", rest: RestPeriod | None = None) -> Figure:
     """Draw the positions that the tool can have at one rest, along three axes, in mm.
 

@@ -16,6 +16,7 @@ from pinfric.model.coordinates import is_sliding, one_number
 from pinfric.model.described import PLACE, SPEED, effort_where, unit_at
 from pinfric.show.figure.efforts import dress, shade, thinned
 from pinfric.show.figure.panel import key_below, sheet
+from pinfric.show.figure.registry import draws
 from pinfric.show.figure.style import BLUE, INK, QUIET, style
 from pinfric.show.report.names import picture_names
 
@@ -49,6 +50,7 @@ class _Row:
     travel: float
 
 
+@draws(Motion, "motion")
 def motion_figure(motion: Motion) -> Figure:
     """Draw the joints of a motion, a row each: position, velocity, friction against its limits.
 

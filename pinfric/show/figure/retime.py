@@ -11,6 +11,7 @@ import numpy as np
 from pinfric.drives.limits import instant_limits
 from pinfric.retiming.retime import RetimeResult
 from pinfric.show.figure.panel import sheet
+from pinfric.show.figure.registry import draws
 from pinfric.show.figure.style import BLUE, GREEN, ORANGE, PURPLE, QUIET, RED, SKY, YELLOW, style
 from pinfric.show.report.names import picture_names
 from pinfric.show.report.values import digits
@@ -33,6 +34,7 @@ _BAND, _ROOM, _USED = 0.84, "#f0f1f4", "#a3a6b3"
 _LETTERS = 20
 
 
+@draws(RetimeResult, "retime")
 def retime_figure(result: RetimeResult) -> Figure:
     """Draw the speed along the path over time under its limit, and below what each drive uses.
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from pinfric.show.figure.efforts import largest
 from pinfric.show.figure.panel import sheet
+from pinfric.show.figure.registry import draws
 from pinfric.show.figure.style import BLUE, GRID, INK, ORANGE, QUIET, RED, style
 from pinfric.show.report.names import least_room, picture_names, shortened
 from pinfric.show.report.sweep import measure, own, percent, shaft
@@ -34,6 +35,7 @@ _LABEL = 0.16
 _FARTHEST = 1.2
 
 
+@draws(SweepResult, "sweep")
 def sweep_figure(result: SweepResult) -> Figure:
     """Draw a row for every drive: distributions of peak and RMS, and influential parameters.
 

@@ -7,12 +7,14 @@ import re
 from collections.abc import Iterable, Sequence
 from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from pinfric import __version__
 from pinfric.errors import PinfricError
+from pinfric.show.figure.panel import svg
+from pinfric.show.figure.registry import figures_of
 from pinfric.show.report.envelope import hashes
 from pinfric.show.report.html import html_of
 from pinfric.show.report.names import affixes, left_out, said_short, short_names
@@ -20,6 +22,8 @@ from pinfric.show.report.values import digits, percentage
 
 #: What stands where there is no figure.
 NO_FIGURE = "\N{EN DASH}"
+#: Inches above which a figure takes a page's whole width.
+_WIDE = 8.0
 #: Values that print as 0: rounding.
 _ROUNDING = 1e-9
 
@@ -74,6 +78,38 @@ def page(
     )
     html: str = environment.get_template(f"{template}.html.j2").render(**content)
     return html
+
+
+class Picture(NamedTuple):
+    """A figure on a page.
+
+    Attributes:
+        name, title: of `ResultFigure`. svg: the drawing. wide: whether it takes the whole width.
+    """
+
+    name: str
+    title: str
+    svg: str
+    wide: bool
+
+
+def drawn(result: Any, number: int | None = None, joint: str = "") -> list[Picture]:
+    """Return the figures that a result's page shows.
+
+    Args:
+        result: of a task.
+        number, joint: of the joint or drive that they draw, and its name; None: of all together.
+    """
+    alone, of = number is not None, f" of {joint}" if joint else ""
+    shown = [each for each in figures_of(result, one=alone) if each.title]
+    drawings = [(each, each.draw(result, *([number] if alone else []))) for each in shown]
+    return [
+        Picture(
+            each.name, each.title, svg(drawing, each.title + of), drawing.get_figwidth() > _WIDE
+        )
+        for each, drawing in drawings
+        if drawing is not None
+    ]
 
 
 def figure(x: float | None) -> str:

@@ -11,14 +11,7 @@ from typing import Any
 from pinfric.drives.criterion import Criterion, Status
 from pinfric.drives.policy import Conditions
 from pinfric.errors import StopError
-from pinfric.show.figure.panel import svg
-from pinfric.show.pages.page import NO_FIGURE, figure, formula, page
-from pinfric.show.pages.sizing_figures import (
-    effort_over_time,
-    power_over_time,
-    temperature,
-    torque_speed,
-)
+from pinfric.show.pages.page import NO_FIGURE, drawn, figure, formula, page
 from pinfric.show.report.drives import (
     ask_table,
     backlash_line,
@@ -139,7 +132,7 @@ def sizing_page(report: SizingReport, command: str = "", inputs: Iterable[str | 
         remarks_of_all=shared,
         # All together
         turn=turn(report),
-        bus_picture=report.catalog and svg(power_over_time(report), "Power from the bus"),
+        bus_pictures=drawn(report),
         currents=currents_table(summary),
         bus_figures=bus_table(report),
         bus=bus_lines(report),
@@ -199,23 +192,15 @@ def _joint_view(
     joint: JointSizing, report: SizingReport, summary: SizedJoint, k: int
 ) -> dict[str, Any]:
     taken, name = summary.installed, summary.name
-    drawn = [("effort", "Effort at the joint over the cycle", effort_over_time(joint))]
+    pictures = drawn(report, k, name)
     missing = []
-    if joint.motor is not None:
-        title = "The cycle in the motor's torque-speed limits"
-        drawn.insert(0, ("envelope", title, torque_speed(joint, report)))
-        warm = temperature(joint, report)
-        if warm is not None:
-            drawn.append(("heat", "Winding temperature, settled cycle", warm))
-        elif taken is not None:  # a stepper's winding has a criterion of its own, without a curve
-            heat = [c for c in taken.criteria if c.name == "winding temperature"]
-            missing += [("Winding temperature", f"{c.status}: {c.note}") for c in heat]
-    pictures = [
-        (f"{kind}-{k}", title, svg(figure, f"{title} of {name}")) for kind, title, figure in drawn
-    ]
+    if joint.motor is not None and taken is not None and "heat" not in [p.name for p in pictures]:
+        # a stepper's winding has a criterion of its own, without a curve
+        heat = [c for c in taken.criteria if c.name == "winding temperature"]
+        missing += [("Winding temperature", f"{c.status}: {c.note}") for c in heat]
     return {
         "summary": summary,
-        "figures": pictures,
+        "pictures": pictures,
         "missing": missing,
         "criteria": () if taken is None else _criteria(taken.criteria),
         "units": joint.installed.candidate.units if joint.installed is not None else (),

@@ -5,9 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from pinfric.show.figure.panel import svg
-from pinfric.show.figure.stop import axis_pictures
-from pinfric.show.pages.page import page
+from pinfric.show.pages.page import drawn, page
 from pinfric.show.report.rows import table_of
 from pinfric.show.report.stop import axes_table, grid_table, how, not_checked, verdict
 from pinfric.stops.study import StopResult, stop_summary
@@ -22,14 +20,12 @@ def stop_page(result: StopResult) -> str:
     summary = stop_summary(result)
     axes: list[dict[str, Any]] = []
     for d, axis in enumerate(summary.axes):
-        speed, effort = axis_pictures(result, d)
         axes.append(
             {
                 "name": axis.name,
                 "command": axis.command,
                 "load": axis.load,
-                "speed": svg(speed, f"Speed of {axis.name} in its farthest stop"),
-                "effort": svg(effort, f"Effort of {axis.name}'s gear in its farthest stop"),
+                "pictures": drawn(result, d, axis.name),
                 "criteria": table_of("", axis.criteria),
             }
         )

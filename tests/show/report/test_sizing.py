@@ -17,9 +17,9 @@ from sizing_cases import MOTOR, one_drive, sized_cycle, turntable, write_catalog
 import pinfric as pf
 from pinfric.drives.catalog_file import load_catalog
 from pinfric.model.described import in_json
+from pinfric.show.figure.sizing import torque_speed
 from pinfric.show.pages.page import formula
 from pinfric.show.pages.sizing import sizing_page
-from pinfric.show.pages.sizing_figures import torque_speed
 from pinfric.show.report.drives import ask_table, choice_table, currents_table
 from pinfric.show.report.names import short_names
 from pinfric.show.report.rows import table_of
@@ -218,7 +218,7 @@ def test_tightest_criterion_is_that_of_the_least_margin(report):
 
 
 def test_envelope_is_the_line_of_the_bus_voltage_cut_by_the_peak_torque(report):
-    (axes,) = torque_speed(report.joints[0], report).axes
+    (axes,) = torque_speed(report, 0).axes
     (envelope,) = [line for line in axes.lines if line.get_label() == "envelope"]
     x, y = np.array(envelope.get_xdata()), np.array(envelope.get_ydata())
     hot = report.joints[0].motor.figures.hot
@@ -235,7 +235,7 @@ def test_envelope_is_the_line_of_the_bus_voltage_cut_by_the_peak_torque(report):
 def test_legend_says_that_no_speed_torque_line_is_known(tmp_path):
     catalog = one_drive(tmp_path, {"resistance": None, "thermal": None})
     report = sized_cycle(catalog)
-    (axes,) = torque_speed(report.joints[0], report).axes
+    (axes,) = torque_speed(report, 0).axes
     assert axes.lines[0].get_label() == "envelope (no line known)"
 
 

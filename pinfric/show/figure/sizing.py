@@ -1,9 +1,9 @@
-"""The pictures of the sizing page."""
+"""Figures of a sizing: the cycle's efforts, each drive in its limits, the bus."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -11,8 +11,9 @@ from pinfric.drives.drivetrain import Candidate
 from pinfric.drives.policy import Conditions
 from pinfric.dynamics.inverse.result import runs
 from pinfric.motions.summary import ends_by_magnitude
-from pinfric.show.figure.efforts import thinned
+from pinfric.show.figure.efforts import effort_figure, thinned
 from pinfric.show.figure.panel import panel
+from pinfric.show.figure.registry import draws
 from pinfric.show.figure.style import BAND, BLUE, GREEN, INK, ORANGE, QUIET, RED
 from pinfric.sizing.report import JointSizing, SizingReport
 
@@ -26,10 +27,18 @@ _PIECES = 400
 _MOST_SHRUNK = 8.0
 
 
-def torque_speed(joint: JointSizing, report: SizingReport) -> Figure:
+@draws(SizingReport, "efforts")
+def cycle_figure(report: SizingReport, **options: Any) -> Figure:
+    """Draw the cycle's efforts with the chosen drives' masses; options of `effort_figure`."""
+    return effort_figure(report.result, **options)
+
+
+@draws(SizingReport, "envelope", "The cycle in the motor's torque-speed limits", one=True)
+def torque_speed(report: SizingReport, drive: int) -> Figure | None:
     """Draw the cycle in the motor's envelope: torque over speed, intervals at rest as bars."""
-    motor, taken = joint.motor, joint.installed
-    assert motor is not None and taken is not None  # noqa: PT018 - a joint with a drive
+    motor, taken = report.joints[drive].motor, report.joints[drive].installed
+    if motor is None or taken is None:
+        return None
     ratings = taken.candidate.ratings
     lower, upper, speed = motor.torque_lower, motor.torque_upper, motor.speed
     worst = ends_by_magnitude(lower, upper)[0]
@@ -65,8 +74,10 @@ def torque_speed(joint: JointSizing, report: SizingReport) -> Figure:
     return figure
 
 
-def effort_over_time(joint: JointSizing) -> Figure:
+@draws(SizingReport, "effort", "Effort at the joint over the cycle", one=True)
+def effort_over_time(report: SizingReport, drive: int) -> Figure:
     """Draw the effort interval over the cycle, and the effort without friction; holds shaded."""
+    joint = report.joints[drive]
     cycle = joint.cycle
     figure, axes = panel("time, s", f"effort at the joint, {joint.demand.unit}")
     series = [cycle.effort_lower, cycle.effort_upper, cycle.effort_frictionless]
@@ -81,8 +92,10 @@ def effort_over_time(joint: JointSizing) -> Figure:
     return figure
 
 
-def temperature(joint: JointSizing, report: SizingReport) -> Figure | None:
+@draws(SizingReport, "heat", "Winding temperature, settled cycle", one=True)
+def temperature(report: SizingReport, drive: int) -> Figure | None:
     """Draw winding and housing over the settled cycle; None if they are unknown."""
+    joint = report.joints[drive]
     motor, taken = joint.motor, joint.installed
     if motor is None or taken is None or motor.winding is None or motor.winding.runaway:
         return None
@@ -104,8 +117,11 @@ def temperature(joint: JointSizing, report: SizingReport) -> Figure | None:
     return figure
 
 
-def power_over_time(report: SizingReport) -> Figure:
-    """Draw the power of all drives from their bus; below 0 it is fed back."""
+@draws(SizingReport, "bus", "Power from the bus")
+def power_over_time(report: SizingReport) -> Figure | None:
+    """Draw the power of all drives from their bus, below 0 fed back; None without a catalogue."""
+    if report.catalog is None:
+        return None
     power, t = report.bus.power, report.result.times
     keep = thinned([power], _PIECES)
     keep = keep[report.duty.powered(len(t))[keep]]
