@@ -43,7 +43,7 @@ from pinfric.motions.joint_columns import (
     unit_circle_problems,
     velocity_warnings,
 )
-from pinfric.motions.log.bags import is_bag
+from pinfric.motions.log.formats.bags import is_bag
 from pinfric.motions.log.frame import Log, Remarks
 from pinfric.motions.log.reader import read_log
 from pinfric.motions.log.reading import Reading, ReadingOptions

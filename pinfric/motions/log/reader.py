@@ -16,7 +16,6 @@ from pinfric.model.inputs import note_input
 from pinfric.model.magnitudes import LARGEST_OF_A_MOTION
 from pinfric.model.yamlfile import brief
 from pinfric.motions.joint_columns import JointColumn, listing, refuse
-from pinfric.motions.log.bags import is_bag, open_bag
 from pinfric.motions.log.base import with_base, wrenches
 from pinfric.motions.log.columns import (
     PAYLOAD,
@@ -27,15 +26,9 @@ from pinfric.motions.log.columns import (
     meaning_of,
     read_mapping,
 )
-from pinfric.motions.log.csv_file import open_csv
 from pinfric.motions.log.episodes import one_episode
-from pinfric.motions.log.files import (
-    open_json,
-    open_json_lines,
-    open_matlab,
-    open_numpy,
-    open_parquet,
-)
+from pinfric.motions.log.formats.bags import is_bag, open_bag
+from pinfric.motions.log.formats.registry import opener
 from pinfric.motions.log.frame import Log, LogFrame, OpenedLog, Remarks
 from pinfric.motions.log.motion import Samples, regularise, smooth, unwrapped
 from pinfric.motions.log.reading import ANGLE_UNITS, Reading, ReadingOptions, Thinning
@@ -50,40 +43,6 @@ from pinfric.motions.log.units import (
     wrong_velocities,
 )
 from pinfric.motions.table import TrajectoryTable, mismatch_warnings
-
-#: Endings of the files that are read here; a bag may be a folder, too.
-SUFFIXES = (
-    *(".csv", ".tsv", ".txt", ".csv.gz", ".parquet", ".mat", ".npz"),
-    *(".json", ".jsonl", ".ndjson"),
-    *(".db3", ".mcap", ".bag"),
-)
-#: How files of arrays are opened; all others are text or bags.
-_OPENED = {
-    ".parquet": open_parquet,
-    ".mat": open_matlab,
-    ".npz": open_numpy,
-    ".json": open_json,
-    ".jsonl": open_json_lines,
-    ".ndjson": open_json_lines,
-}
-#: Endings of files that are not read -> what they are, and what makes a log of them.
-_CONVERTED = {
-    (".h5", ".hdf5", ".hdf"): (
-        "HDF5",
-        "import h5py, numpy; d = {}; h5py.File('log.h5').visititems(lambda name, x: "
-        "d.update({name: x[()]}) if hasattr(x, 'dtype') and x.dtype.kind in 'fiu' else None); "
-        "numpy.savez('log.npz', **d)",
-    ),
-    (".feather", ".arrow"): (
-        "Arrow",
-        "import pandas; pandas.read_feather('log.feather').to_parquet('log.parquet')",
-    ),
-    (".xlsx", ".xls", ".ods"): ("a spreadsheet", "save the sheet as CSV"),
-    (".npy", ".pkl", ".pickle"): (
-        "an array without names",
-        "import numpy; numpy.savez('log.npz', t=TIMES, JOINT=POSITIONS)",
-    ),
-}
 
 #: rad or m: a joint that goes no farther, as a gripper's finger, is locked nearly where it is.
 _LOCKED_WAY = 0.05
@@ -102,7 +61,7 @@ def read_log(
     locked: Mapping[str, tuple[float, str]] = MappingProxyType({}),
     frames: Collection[str] = (),
 ) -> Logged:
-    """Read a file of one of the `SUFFIXES`, a bag's folder, or arrays.
+    """Read a file of one of the `formats`, a bag's folder, or arrays.
 
     Args:
         joints, payloads: those that may have columns (`payload.<name>`).
@@ -171,16 +130,7 @@ def _open(path: Path, joints: Sequence[JointColumn]) -> OpenedLog:
         raise TrajectoryError(
             f"{path}: is a pipe or a device, and a log is read twice: save it first"
         )
-    name = path.name.lower()
-    if name.endswith(SUFFIXES):
-        return _OPENED.get(Path(name).suffix, open_csv)(path)
-    for endings, (kind, conversion) in _CONVERTED.items():
-        if name.endswith(endings):
-            raise TrajectoryError(f"{path}: is {kind}, which is not read; convert it: {conversion}")
-    raise TrajectoryError(
-        f"{path}: a trajectory ends in .csv, .yaml or .yml; a log in {', '.join(SUFFIXES)}; write "
-        "another format as CSV"
-    )
+    return opener(path)(path)
 
 
 def _absurd(cells: LogFrame, columns: Columns) -> list[str]:

@@ -15,7 +15,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 import pinfric as pf
 from pinfric.errors import TrajectoryError
-from pinfric.motions.log.bags import _joint_states
+from pinfric.motions.log.formats.bags import _joint_states
 from pinfric.motions.log.reading import ReadingOptions
 
 NAMES = ["arm_lift", "gripper", "base_turn"]

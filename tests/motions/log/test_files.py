@@ -18,8 +18,9 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 import pinfric as pf
 from pinfric.errors import PinfricWarning, TrajectoryError
-from pinfric.motions.log.csv_file import open_csv
-from pinfric.motions.log.frame import MOST_ROWS, check_size
+from pinfric.motions.log.formats import registry
+from pinfric.motions.log.formats.csv_file import open_csv
+from pinfric.motions.log.frame import MOST_ROWS, arrays_log, check_size
 
 
 def test_gzipped_files_with_a_mapping_beside_them(tmp_path):
@@ -42,6 +43,19 @@ def test_gzipped_files_with_a_mapping_beside_them(tmp_path):
         ) as caught:
             pf.load_trajectory(tmp_path / "log.csv.gz", arm())
         assert "\n" not in str(caught.value)
+
+
+def test_a_format_is_found_by_the_end_of_its_files_names(tmp_path, monkeypatch):
+    """A new one is a function with `opens` above it: no list names it."""
+    monkeypatch.setattr(registry, "_KNOWN", {**registry._KNOWN})
+
+    @registry.opens(".own")
+    def open_own(path):
+        table = np.loadtxt(path)
+        return arrays_log(dict(zip(("t", "base_turn", "arm_lift"), table.T, strict=True)), {})
+
+    np.savetxt(tmp_path / "log.own", np.column_stack([T, Q]))
+    assert_allclose(pf.load_trajectory(tmp_path / "log.own", arm()).q, Q, atol=1e-11)
 
 
 def test_joints_of_one_row_each_stand_in_any_order_and_may_lack_one(tmp_path):

@@ -16,6 +16,7 @@ from pinfric.errors import TrajectoryError
 from pinfric.model.arrays import IntArray
 from pinfric.model.yamlfile import brief
 from pinfric.motions.joint_columns import listing
+from pinfric.motions.log.formats.registry import opens
 from pinfric.motions.log.frame import OpenedLog, arrays_log, check_size
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
@@ -25,9 +26,13 @@ _FIELDS = {"": "position", "/velocity": "velocity", "/effort": "effort"}
 _FEW = 100
 
 
+#: Ends of the names of bags' files.
+_ENDINGS = ".db3", ".mcap", ".bag"
+
+
 def is_bag(path: Path) -> bool:
     """Whether a path is that of a bag's file or folder."""
-    is_file = path.suffix.lower() in (".db3", ".mcap", ".bag") and path.is_file()
+    is_file = path.suffix.lower() in _ENDINGS and path.is_file()
     return is_file or (path / "metadata.yaml").is_file()
 
 
@@ -50,7 +55,8 @@ class _Messages:
             self.values.setdefault(name, array("d")).frombytes(numbers.tobytes())
 
 
-def open_bag(path: Path, joint_names: Sequence[str]) -> OpenedLog:
+@opens(*_ENDINGS)
+def open_bag(path: Path, joint_names: Sequence[str] = ()) -> OpenedLog:
     """Read the joint states of a bag: of the topic that names most of the joints.
 
     Times are those of the messages' headers; where these stand still, those of their reception.

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from pinfric.errors import TrajectoryError
 from pinfric.model.yamlfile import NOT_UTF_8, refuse_result
+from pinfric.motions.log.formats.registry import opens
 from pinfric.motions.log.frame import FEWEST, MOST_BYTES, OpenedLog, arrays_log, check_size
 
 #: Keys of a file under which the joints' names stand.
@@ -25,6 +26,7 @@ _NAMES = {"name", "names", "joint_names", "joints"}
 _PART = 2**20
 
 
+@opens(".parquet")
 def open_parquet(path: Path) -> OpenedLog:
     """Open a Parquet file; times, of any zone, count as whole ns; lists of numbers are columns.
 
@@ -107,6 +109,7 @@ def _arrow_numbers(column: Any, kind: Any) -> NDArray[Any]:
     return values
 
 
+@opens(".mat")
 def open_matlab(path: Path) -> OpenedLog:
     """Open a MATLAB file; rows or columns of arrays are named `struct.field_1` and on.
 
@@ -126,6 +129,7 @@ def open_matlab(path: Path) -> OpenedLog:
     return _arrays_opened(path, dict(_matlab_arrays("", content)))
 
 
+@opens(".npz")
 def open_numpy(path: Path) -> OpenedLog:
     """Open a file of `np.savez`; rows or columns of arrays are named as those of MATLAB files.
 
@@ -143,6 +147,7 @@ def open_numpy(path: Path) -> OpenedLog:
     return _mapping_opened(path, arrays)
 
 
+@opens(".json")
 def open_json(path: Path) -> OpenedLog:
     """Open a JSON file: arrays by name, or a list of records.
 
@@ -161,6 +166,7 @@ def open_json(path: Path) -> OpenedLog:
     return _mapping_opened(path, content)
 
 
+@opens(".jsonl", ".ndjson")
 def open_json_lines(path: Path) -> OpenedLog:
     """Open a file with one JSON record a line.
 

@@ -26,6 +26,7 @@ from pinfric.model.brief import counted
 from pinfric.model.csv_text import cells_of, number_of, separator_of
 from pinfric.model.yamlfile import NOT_UTF_8, brief_path
 from pinfric.motions.joint_columns import listing
+from pinfric.motions.log.formats.registry import opens
 from pinfric.motions.log.frame import (
     EXACT,
     LogFrame,
@@ -81,6 +82,7 @@ class _Table:
         )
 
 
+@opens(".csv", ".tsv", ".txt", ".csv.gz")
 def open_csv(path: Path) -> OpenedLog:
     """Open a CSV file, gzipped where it ends in .gz; only its first rows are read yet.
 

@@ -1,0 +1,1 @@
+"""Formats of logs: a function each, found by the ends of files' names (`registry`)."""
