@@ -29,6 +29,8 @@ from pinfric.errors import PinfricError, PinfricWarning, RobotError, choose_from
 from pinfric.formats import json_schema
 from pinfric.model.closure import closed_configurations, driving_joints
 from pinfric.model.files import file_hash, write_folder
+from pinfric.model.floating import free_joint
+from pinfric.model.legs import legs_of
 from pinfric.model.massless import massless_joints
 from pinfric.model.robot import Robot, link_frame, locator, read_robot, robot_text, urdf_file
 from pinfric.model.scene import Scene
@@ -89,7 +91,7 @@ class Begun:
         mass: their sum, kg; 0 where none was given.
         by: what it is shared by.
         drive: kind of all drives, of `DRIVES`; None: unknown.
-        pose: on its feet, of a robot whose base is to float; None: it is fixed.
+        pose: on its feet, of a robot whose base floats; None: it is fixed, or has no legs.
     """
 
     urdf: Path
@@ -117,7 +119,7 @@ class Begun:
             drive: kind of all drives, see `DRIVES`.
             mass: of a robot whose URDF has none, kg, with its drives, as its maker prints it.
             xacro_args: of a robot that is xacro.
-            floating: whether its base floats.
+            floating: whether its base is to float; it does if the file says so.
 
         Raises:
             RobotError: the URDF cannot be read, or describes something that cannot exist; a mass
@@ -127,10 +129,13 @@ class Begun:
         urdf = urdf_file(urdf)
         if drive is not None and drive not in DRIVES:
             raise RobotError(f"drive {drive!r}: {choose_from(drive, list(DRIVES))}")
-        robot = read_robot(urdf, {}, xacro_args, floating)
-        facts = RobotFacts.of(urdf, xacro_args, floating)
+        robot = read_robot(urdf, {}, xacro_args)
+        if floating and not free_joint(robot.model):
+            robot = read_robot(urdf, {}, xacro_args, floating)
+        facts = RobotFacts.of(urdf, xacro_args, robot.floating)
         if mass is None:
-            pose = standing_pose(robot) if floating else None
+            stands = floating or (bool(free_joint(robot.model)) and len(legs_of(robot.model)) > 1)
+            pose = standing_pose(robot) if stands else None
             return cls(urdf, robot, facts, {}, 0.0, "", drive, pose)
         if floating:
             raise RobotError("--mass is of arms: a robot that stands needs masses in its URDF")
@@ -242,7 +247,7 @@ def new_scene(
     named = locator(urdf, folder) if not begun.masses else f"{begun.name}.masses.urdf"
     commands = [f"pinfric new {locator(urdf, folder)}"]
     commands += [f"--xacro-arg {name}:={value}" for name, value in robot.xacro_args.items()]
-    commands += ["--floating"] * (begun.pose is not None)
+    commands += ["--floating"] * robot.floating
     commands += [f"--drive {begun.drive}"] * (begun.drive is not None)
     commands += [f"--mass {begun.mass:g}"] * bool(begun.masses)
     parts = [
@@ -265,7 +270,7 @@ def new_scene(
         + f"  # guess: {_mass_guess(begun)}" * bool(begun.masses),
         *_xacro_section(robot.xacro_args if not begun.masses else {}),
         *["  floating: true               # a joint root_joint, which nothing drives"]
-        * (begun.pose is not None),
+        * robot.floating,
         f"  gravity: {robot.gravity or [0.0, 0.0, -9.81]}",
         *_dynamics_section(robot),
         *_masses_section(begun),
@@ -273,7 +278,7 @@ def new_scene(
         "friction:" if guesses else "friction: {}",
         *[line for j in joints for line in _joint_section(j, guesses, robot.dynamics)],
         *(_loops_section(robot.model) if closed is None else _file_loops_section(closed)),
-        *_actuators_section(robot, closed, begun.pose),
+        *_actuators_section(robot, closed),
         *_feet_section(begun.pose),
         # what `pinfric simulate` runs
         *(
@@ -643,23 +648,26 @@ def _feet_section(pose: Pose | None) -> list[str]:
     for name, foot in pose.feet.items():
         size = f", length: {foot.length:g}, width: {foot.width:g}" if foot.length else ""
         guess = "; a usual sole, with the origin of its link in the middle" if foot.length else ""
+        if any(foot.xyz):
+            size += f", xyz: {_numbers(list(foot.xyz))}"
+            guess = f"; {'its sole' if foot.length else 'its end'}, by its collision shapes"
         lines.append(
             f"  {yaml_line(name)}: {{mu: {foot.mu:g}{size}}}  # guess: rubber on floor{guess}"
         )
     return lines
 
 
-def _actuators_section(robot: Robot, closed: Closed | None, pose: Pose | None) -> list[str]:
+def _actuators_section(robot: Robot, closed: Closed | None) -> list[str]:
     """List the drives with the URDF's ratios; a comment if it gives none and all joints have one.
 
-    `closed`: of a mechanism, which loops close. `pose`: of a robot that stands.
+    `closed`: of a mechanism, which loops close.
     """
     single = [name for name, nv in zip(robot.model.names, robot.model.nvs, strict=True) if nv == 1]
     names, of, ratio = list(Scene(robot.model, robot=robot).actuator_names), "", "  # the URDF"
     if closed is not None:
         of = "guess: the loops leave so many free; drive others if others have motors"
         names, ratio = list(closed.driven), ""
-    elif pose is not None:
+    elif free_joint(robot.model) and single:
         of = "of all joints but the base"
         names, ratio = [name for name in names if name in single], ""
     elif not robot.gears.keys() & set(single):

@@ -460,10 +460,13 @@ def test_absurd_limit_of_a_joint_without_lever_is_a_placeholder(tmp_path):
 
 
 def test_example_of_a_drive_names_a_joint_that_can_have_one(tmp_path):
-    urdf = chain(tmp_path, ("base", "floating", ""), ("j", "revolute", LEVEL + limits(-1, 1)))
-    text = new_scene(Begun.read(urdf))
+    joint = ("j", "revolute", LEVEL + limits(-1, 1))
+    text = new_scene(Begun.read(chain(tmp_path, ("base", "planar", ""), joint)))
     assert "#   - joint: j\n" in text
-    assert "# base: 6 degrees of freedom" in text
+    assert "# base: 3 degrees of freedom" in text
+    free = new_scene(Begun.read(chain(tmp_path, ("base", "floating", ""), joint)))
+    assert yaml.safe_load(free)["actuators"] == [{"joint": "j"}]  # nothing drives a free base
+    assert "# base: 6 degrees of freedom" in free
 
 
 @pytest.mark.parametrize(

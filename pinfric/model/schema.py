@@ -158,12 +158,18 @@ class Foot(Entry):
 
     mu: Positive = key("coefficient of friction of the ground", 0.6, "1", default=0.6)
     length: NonNegative = key(
-        "of its sole, along x of its frame, whose origin is in the middle; 0: a point",
+        "of its sole, along x of its frame; 0: a point",
         0.2,
         "m",
         default=0.0,
     )
     width: NonNegative = key("of its sole, along y of its frame", 0.1, "m", default=0.0)
+    xyz: Vector3 = key(
+        "where it touches the ground, or the middle of its sole, in its link's frame",
+        [0.0, 0.0, -0.21],
+        "m",
+        default=(0.0, 0.0, 0.0),
+    )
 
 
 def _added_term(named: tuple[str, Any] | str) -> FrictionTerm | None:

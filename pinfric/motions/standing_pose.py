@@ -1,7 +1,8 @@
 """A pose on its feet for a robot whose base floats: what `pinfric new --floating` begins with.
 
-The legs are those of the names (`legs.py`). A bundled robot has a pose in its SRDF; of others, each
-leg is bent until its foot is nearer to its hip by a tenth of the leg's length, straight below.
+The legs are those of the names (`legs.py`). A bundled robot has a pose in its SRDF, an MJCF in its
+keyframes; of others, each leg is bent until its foot is nearer to its hip by a tenth of the leg's
+length, straight below.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from pinfric.model.floating import base_numbers, free_joint
 from pinfric.model.legs import legs_of
 from pinfric.model.robot import Robot
 from pinfric.model.schema import Foot
+from pinfric.motions.foot_contact import touching
 from pinfric.motions.joint_columns import JointColumn, joint_columns
 from pinfric.motions.tool_points import Tool
 
@@ -28,8 +30,10 @@ _JOINTS_OF_A_SOLE = 5
 _LENGTH, _WIDTH = 0.16, 0.08
 #: Part of the height of the base by which a first squat lowers it, and by which legs are bent.
 _SQUAT, _BENT = 0.15, 0.1
-#: Names of poses in SRDFs, the best first.
-_POSES = ("standing", "half_sitting", "standing_with_arm_up", "default", "home")
+#: Names of poses in SRDFs and keyframes, the best first.
+_POSES = ("standing", "stand", "half_sitting", "standing_with_arm_up", "default", "home")
+#: m: a foot's link begins at least so far from its leg's last joint; else it is the shank.
+_OWN = 0.01
 
 
 @dataclass(frozen=True)
@@ -66,17 +70,20 @@ def standing_pose(robot: Robot) -> Pose:
             f"{robot.urdf}: no two branches from its base are called as legs (leg, hip, knee, "
             "thigh, calf, foot): write `floating: true` into a scene, and its `feet`"
         )
-    feet = dict(_foot(model, leg) for leg in legs)
+    feet = dict(_foot(robot, leg) for leg in legs)
     columns = joint_columns(model, str(robot.urdf), free_base=True)
-    position, by = _from_srdf(robot, columns)
+    position, by = _from_keyframe(robot, columns)
+    if position is None:
+        position, by = _from_srdf(robot, columns)
     if position is None:
         position, by = _bent(model, columns, feet), "legs a little bent"
     position = _on_ground(model, columns, position, feet)
     return Pose(position, columns, feet, _lowered(robot, columns, position, feet), by)
 
 
-def _foot(model: pin.Model, leg: Sequence[int]) -> tuple[str, Foot]:
+def _foot(robot: Robot, leg: Sequence[int]) -> tuple[str, Foot]:
     """Return the link on which a leg, its joints, stands, and what foot it is."""
+    model = robot.model
     tip = max(leg, key=lambda j: len(model.supports[j]))
     bodies = [f for f in model.frames if f.type == pin.FrameType.BODY and f.parentJoint == tip]
     named = [
@@ -89,8 +96,22 @@ def _foot(model: pin.Model, leg: Sequence[int]) -> tuple[str, Foot]:
     chain = [str(model.names[j]) for j in model.supports[tip] if j in leg]
     ankle = any("ankle" in name.lower() for name in chain)
     sole = ankle or len(chain) >= _JOINTS_OF_A_SOLE
-    size = {"length": _LENGTH, "width": _WIDTH} if sole else {}
-    return (named or [far.name])[0], Foot(**size)
+    usual = Foot(length=_LENGTH, width=_WIDTH) if sole else Foot()
+    link = (named or [far.name])[0]
+    begins = model.frames[model.getFrameId(link)].placement.translation
+    own = None if np.linalg.norm(begins) > _OWN else touching(robot.xml(), link, sole)
+    return link, own or usual
+
+
+def _from_keyframe(robot: Robot, columns: Sequence[JointColumn]) -> tuple[np.ndarray | None, str]:
+    """Return the pose that an MJCF's keyframes have for its joints, the base upright."""
+    name = next((name for name in (*_POSES, *robot.keyframes) if name in robot.keyframes), None)
+    if name is None:
+        return None, ""
+    joints = robot.keyframes[name]
+    place = np.array([joints.get(column.name, 0.0) for column in columns])
+    low, high = (np.array([getattr(c, end) for c in columns]) for end in ("lower", "upper"))
+    return np.clip(place, low, high), f"keyframe {name}"
 
 
 def _from_srdf(robot: Robot, columns: Sequence[JointColumn]) -> tuple[np.ndarray | None, str]:
@@ -134,7 +155,7 @@ def _tools(
     for name in feet:
         frame = model.getFrameId(name)
         joints = [str(model.names[j]) for j in model.supports[model.frames[frame].parentJoint]]
-        tools[name] = Tool(model, columns, frame, joints)
+        tools[name] = Tool(model, columns, frame, joints, feet[name].xyz)
     return tools
 
 
@@ -147,7 +168,7 @@ def _bent(model: pin.Model, columns: Sequence[JointColumn], feet: dict[str, Foot
     start[finite] += 0.25 * (middle - start)[finite]  # off the stretched pose, which has no way up
     for name, tool in _tools(model, columns, feet).items():
         straight = tool.place(np.clip(np.zeros(len(columns)), low, high)).copy()
-        hip = tool.data.oMi[model.supports[model.frames[tool.frame].parentJoint][2]].translation
+        hip = tool.data.oMi[model.supports[tool.joint][2]].translation
         leg = straight.translation - hip
         goal = pin.SE3(straight.rotation, hip + (1.0 - _BENT) * leg)
         rows = 6 if feet[name].length else 3

@@ -44,8 +44,8 @@ class Tool:
     """A frame by the joints' positions x (nj,), rad or m, in the model's order.
 
     Args:
-        columns: (nj,) all joints. frame: its number. moving: names of those that bring it
-            somewhere; None: all.
+        columns: (nj,) all joints. frame: its link's. moving: names of those that bring it
+            somewhere; None: all. xyz: (3,) where it is in the link's frame, m.
     """
 
     def __init__(
@@ -54,9 +54,11 @@ class Tool:
         columns: Sequence[JointColumn],
         frame: int,
         moving: Sequence[str] | None = None,
+        xyz: Sequence[float] = (0.0, 0.0, 0.0),
     ) -> None:
         self.columns, self.model = columns, model
-        self.data, self.frame = model.createData(), frame
+        self.data, self.joint = model.createData(), model.frames[frame].parentJoint
+        self.within = model.frames[frame].placement * pin.SE3(np.eye(3), np.array(xyz))
         self.moving = np.array([c.name in moving if moving is not None else True for c in columns])
         self.low, self.high = (
             np.array([getattr(c, x) for c in columns]) for x in ("lower", "upper")
@@ -81,8 +83,9 @@ class Tool:
         """Return where the tool is."""
         q = configurations(self.columns, x[None], self.model.nq)[0]
         pin.computeJointJacobians(self.model, self.data, q)  # and where the joints are
-        self.jacobian = pin.getFrameJacobian(self.model, self.data, self.frame, pin.LOCAL)
-        return pin.updateFramePlacement(self.model, self.data, self.frame).copy()
+        at, within = self.joint, self.within
+        self.jacobian = pin.getFrameJacobian(self.model, self.data, at, within, pin.LOCAL)
+        return self.data.oMi[at] * within
 
     def reach(self, goal: pin.SE3, x: FloatArray, rows: int = 6) -> tuple[FloatArray, FloatArray]:
         """Return the posture nearest to a goal, from the posture x on, and what it is off (rows,).
@@ -217,7 +220,8 @@ def _stance(
     for name, foot in feet.items():
         frame = scene.model.getFrameId(name)
         joints = scene.model.supports[scene.model.frames[frame].parentJoint]
-        tool = Tool(scene.model, columns, frame, [scene.model.names[j] for j in joints])
+        moving = [scene.model.names[j] for j in joints]
+        tool = Tool(scene.model, columns, frame, moving, foot.xyz)
         legs.append((name, tool, tool.place(x), 6 if foot.length or foot.width else 3))
     goal = x.copy()
     goal[free] = np.concatenate([xyz, x[free][3:] if rpy is None else rpy])

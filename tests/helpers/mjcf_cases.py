@@ -134,3 +134,44 @@ FOUR_BAR = mjcf(
       <site name="b" pos="0 0 0.2"/></body>""",
     after="<equality>\n{}</equality>",
 )
+
+
+def legged(sides, leg, after=""):
+    """A trunk that floats on legs, `leg` with a place and a name to fill in."""
+    legs = "".join(leg.format(x, y, name) for name, (x, y) in sides.items())
+    body = f"""<body name="trunk" pos="0 0 0.9"><freejoint/>
+      <inertial pos="0 0 0" mass="12" diaginertia="0.1 0.3 0.3"/>{legs}</body>"""
+    return mjcf(f'<geom type="plane" size="0 0 1"/>{body}', after=after)
+
+
+_BONE = '<inertial pos="0 0 -0.1" mass="0.6" diaginertia="0.004 0.004 0.001"/>'
+#: Feet that are no bodies: a ball at the end of each shank.
+QUADRUPED = legged(
+    {"fl": (0.2, 0.1), "fr": (0.2, -0.1), "hl": (-0.2, 0.1), "hr": (-0.2, -0.1)},
+    f"""<body name="{{2}}_hip" pos="{{0}} {{1}} 0"><joint name="{{2}}_hx" axis="1 0 0"/>{_BONE}
+      <body name="{{2}}_thigh"><joint name="{{2}}_hy" axis="0 1 0" range="-60 120"/>{_BONE}
+        <body name="{{2}}_calf" pos="0 0 -0.25">
+          <joint name="{{2}}_kn" axis="0 1 0" range="-150 -20"/>{_BONE}
+          <geom type="capsule" size="0.01" fromto="0 0 0 0 0 -0.1"/>
+          <geom size="0.02" pos="-0.01 0 -0.25"/></body></body></body>""",
+    '<keyframe><key name="low" qpos="0 0 .2 1 0 0 0'
+    + 4 * " 0 1.1 -2.2"
+    + '"/><key name="home" qpos="0 0 .3 1 0 0 0'
+    + 4 * " 0 0.8 -1.6"
+    + '"/></keyframe>',
+)
+#: Soles of four balls below the ankles.
+BIPED = legged(
+    {"left": (0, 0.1), "right": (0, -0.1)},
+    f"""<body name="{{2}}_hip" pos="{{0}} {{1}} 0"><joint name="{{2}}_hip_roll" axis="1 0 0"/>
+      {_BONE}<body name="{{2}}_thigh"><joint name="{{2}}_hip" axis="0 1 0"/>{_BONE}
+        <body name="{{2}}_shank" pos="0 0 -0.3">
+          <joint name="{{2}}_knee" axis="0 1 0" range="5 140"/>{_BONE}
+          <body name="{{2}}_ankle" pos="0 0 -0.3"><joint name="{{2}}_ankle" axis="0 1 0"/>{_BONE}
+            <body name="{{2}}_foot"><joint name="{{2}}_ankle_roll" axis="1 0 0"/>
+              <inertial pos="0 0 -0.03" mass="0.3" diaginertia="0.001 0.001 0.001"/>
+              <geom size="0.005" pos="-0.05 0.03 -0.04"/><geom size="0.005" pos="0.13 0.03 -0.04"/>
+              <geom size="0.005" pos="-0.05 -0.03 -0.04"/>
+              <geom size="0.005" pos="0.13 -0.03 -0.04"/>
+            </body></body></body></body></body>""",
+)

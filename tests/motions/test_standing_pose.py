@@ -3,6 +3,7 @@
 import numpy as np
 import pinocchio as pin
 import pytest
+from mjcf_cases import BIPED, QUADRUPED
 from standing_cases import biped, efforts
 
 import pinfric as pf
@@ -40,7 +41,8 @@ def judge(scene, motion):
     places = []
     for q in motion.q:
         pin.framesForwardKinematics(model, data, q)
-        places.append([data.oMf[model.getFrameId(foot)].translation for foot in feet])
+        points = [(data.oMf[model.getFrameId(n)], np.array(scene.feet[n].xyz)) for n in feet]
+        places.append([frame.act(point) for frame, point in points])
     assert np.ptp(np.array(places), axis=0).max() < 1e-4
     assert np.ptp(np.array(places)[0, :, 2]) < LEVEL
     assert np.ptp(motion.q[:, 2]) > 0.02  # it squats
@@ -91,6 +93,38 @@ def test_a_robot_of_ones_own_is_bent_and_stands(tmp_path):
     knee = scene.actuator_names.index("left_knee")
     # knees bend to the front: the joint holds the robot up
     assert (standing.result.effort_frictionless[:, knee] < -10).all()
+
+
+def test_an_mjcf_whose_base_is_free_stands_without_being_told(tmp_path):
+    """Its feet are balls at the shanks, its pose the best of its keyframes."""
+    (tmp_path / "dog.xml").write_text(QUADRUPED)
+    scene_file, way_file = write_new(tmp_path / "dog.xml", tmp_path)
+    scene, told = pf.load_scene(scene_file), scene_file.read_text()
+    assert "floating: true" not in told
+    assert "--floating" not in told
+    assert {n: foot.xyz for n, foot in scene.feet.items()} == dict.fromkeys(
+        ("fl_calf", "fr_calf", "hl_calf", "hr_calf"), (-0.01, 0.0, -0.25)
+    )
+    assert scene.actuator_names == scene.joint_names[1:]
+    motion = pf.load_trajectory(way_file, scene)
+    assert "keyframe home" in way_file.read_text()
+    np.testing.assert_allclose(motion.q[0, 7:], 4 * [0, 0.8, -1.6], atol=1e-9)
+    judge(scene, motion)
+    # whoever says --floating means the same
+    (tmp_path / "again").mkdir()
+    again, _ = write_new(tmp_path / "dog.xml", tmp_path / "again", floating=True)
+    assert pf.load_scene(again).feet == scene.feet
+
+
+def test_a_sole_is_that_of_its_collision_shapes(tmp_path):
+    (tmp_path / "walker.xml").write_text(BIPED)
+    scene_file, way_file = write_new(tmp_path / "walker.xml", tmp_path)
+    scene = pf.load_scene(scene_file)
+    for name in ("left_foot", "right_foot"):
+        foot = scene.feet[name]
+        assert foot.xyz == (0.04, 0.0, -0.045)
+        assert (foot.length, foot.width) == (0.18, 0.06)
+    judge(scene, pf.load_trajectory(way_file, scene))
 
 
 @pytest.mark.parametrize(

@@ -251,10 +251,10 @@ class _Contacts:
 
 
 def _points(scene: Scene, foot: str) -> list[np.ndarray]:
-    """Return the contacts of a foot in its frame, m: its origin, or the corners of its sole."""
+    """Return the contacts of a foot in its frame, m: where it touches, or its sole's corners."""
     x, y = 0.5 * scene.feet[foot].length, 0.5 * scene.feet[foot].width
     corners = {(i * x, j * y, 0.0) for i in (-1, 1) for j in (-1, 1)}
-    return [np.array(corner) for corner in sorted(corners)]
+    return [np.array(corner) + scene.feet[foot].xyz for corner in sorted(corners)]
 
 
 def _generators(up: np.ndarray, mu: float) -> np.ndarray:
