@@ -422,7 +422,7 @@ def test_small_files_that_hold_far_more(tmp_path, monkeypatch):
         file.write_bytes(gzip.compress(content, 1))
         with pytest.raises(TrajectoryError, match=rf"log\.csv\.gz: {says}"):
             pf.load_trajectory(file, arm())
-    for module in ("frame", "files"):
+    for module in ("frame", "formats.arrays"):
         monkeypatch.setattr(f"pinfric.motions.log.{module}.MOST_BYTES", 2**20)
     file.write_bytes(gzip.compress(b"t,base_turn\n" + b" " * 99 * 2**14 + b"\n" * 2**19))
     savemat(tmp_path / "log.mat", {"t": np.zeros(2**20)}, do_compression=True)
