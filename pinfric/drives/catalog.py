@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from math import asin, cos, pi
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, get_args, get_origin
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -832,6 +832,14 @@ class _Sections(Entry):
 
 class CatalogFile(KindSections, _Sections):
     """A whole catalogue file."""
+
+
+#: The sections of products: the kind of their entries.
+SECTIONS: dict[str, type[Sourced]] = {
+    name: get_args(entries.annotation)[1]
+    for name, entries in CatalogFile.model_fields.items()
+    if get_origin(entries.annotation) is dict
+}
 
 
 @dataclass(frozen=True)

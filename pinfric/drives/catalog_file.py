@@ -10,9 +10,9 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from pinfric.drives.catalog import Catalog, CatalogFile
+from pinfric.drives.catalog import SECTIONS, Catalog, CatalogFile
 from pinfric.drives.doubts import doubts
-from pinfric.drives.kinds import SECTIONS
+from pinfric.drives.kinds import KindSections
 from pinfric.drives.policy import Conditions
 from pinfric.drives.sourced import Sourced
 from pinfric.drives.table import import_table, mapping_of
@@ -24,9 +24,6 @@ from pinfric.model.yamlfile import brief, path_of, read_yaml
 #: The bundled catalogue's name, and its folder.
 DEFAULT = "default"
 _FOLDER = Path(__file__).parents[1] / "catalog"
-_SECTIONS = (
-    *("motors", "gears", "belts", "gearmotors", *SECTIONS, "bearings", "brakes", "amplifiers"),
-)
 
 
 def load_catalog(name: str | Path = DEFAULT) -> Catalog:
@@ -50,9 +47,10 @@ def load_catalog(name: str | Path = DEFAULT) -> Catalog:
     else:
         own = _of_folder(name) if os.path.isdir(name) else (_read(name),)
         extends = any(file.extends for file in own)
-        if not extends and not any(getattr(f, section) for f in own for section in _SECTIONS):
+        if not extends and not any(getattr(f, section) for f in own for section in SECTIONS):
+            named = [*SECTIONS]
             raise CatalogError(
-                f"{name}: no {', '.join(_SECTIONS[:-1])} or {_SECTIONS[-1]} in it; "
+                f"{name}: no {', '.join(named[:-1])} or {named[-1]} in it; "
                 "`extends: default` takes the bundled ones"
             )
         bundled = _bundled() if extends else ()
@@ -95,7 +93,7 @@ def _of_folder(folder: Path) -> tuple[CatalogFile, ...]:
         )
     known: dict[tuple[str, str], tuple[Path, Sourced]] = {}
     for path, file in files.items():
-        for section in _SECTIONS:
+        for section in SECTIONS:
             for name, entry in getattr(file, section).items():
                 other, same = known.setdefault((section, name), (path, entry))
                 if same is not entry and same != entry:
@@ -111,16 +109,18 @@ def _merged(source: str, files: Sequence[CatalogFile]) -> Catalog:
     stated = [file.conditions for file in files if file.conditions is not None]
     entries: dict[str, Any] = {
         section: {name: entry for file in files for name, entry in getattr(file, section).items()}
-        for section in _SECTIONS
+        for section in SECTIONS
     }
-    entries["kinds"] = {n: x for section in SECTIONS for n, x in entries.pop(section).items()}
+    entries["kinds"] = {
+        n: x for section in KindSections.model_fields for n, x in entries.pop(section).items()
+    }
     belts = {name: belt.gear for name, belt in entries.pop("belts").items()}
     entries["gears"] = belts | entries["gears"]
     return Catalog(source, **entries, conditions=stated[-1] if stated else Conditions())
 
 
 def _replaced(bundled: Sequence[CatalogFile], file: CatalogFile) -> Iterator[str]:
-    for section in _SECTIONS:
+    for section in SECTIONS:
         there = {name for other in bundled for name in getattr(other, section)}
         for name in getattr(file, section):
             if name in there:

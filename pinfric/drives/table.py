@@ -13,16 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import model_validator
 
-from pinfric.drives.catalog import (
-    BearingEntry,
-    Belt,
-    Brake,
-    Gear,
-    GearMotor,
-    Motor,
-    Text,
-)
-from pinfric.drives.kinds import SECTIONS
+from pinfric.drives.catalog import SECTIONS, Text
 from pinfric.drives.sourced import Sourced
 from pinfric.drives.units import cells_of, in_si, unit_of
 from pinfric.errors import CatalogError, PinfricError, choose_from
@@ -31,19 +22,10 @@ from pinfric.model.entry import Entry, Forms, key, optional, parse
 from pinfric.model.files import write_file
 from pinfric.model.yamlfile import brief, read_yaml, yaml_text
 
-_SECTIONS: dict[str, type[Sourced]] = {
-    "motors": Motor,
-    "gears": Gear,
-    "belts": Belt,
-    "gearmotors": GearMotor,
-    **SECTIONS,
-    "bearings": BearingEntry,
-    "brakes": Brake,
-}
 if TYPE_CHECKING:
     _Section = str
 else:  # words of the schema
-    _Section = Literal[tuple(_SECTIONS)]
+    _Section = Literal[tuple(SECTIONS)]
 #: What a cell says instead of nothing, in any case.
 _NOTHING = {
     *("", "-", "--", "\N{EN DASH}", "\N{EM DASH}", "n/a", "na", "n.a.", "nan", "none", "null"),
@@ -86,7 +68,7 @@ class TableMapping(Entry):
 
     @model_validator(mode="after")
     def _figures_exist(self) -> TableMapping:
-        known = ["name", *cells_of(_SECTIONS[self.section])]
+        known = ["name", *cells_of(SECTIONS[self.section])]
         for figure in self.columns:
             if figure.removeprefix("stand_ins.") not in known:
                 raise ValueError(f"unknown figure `{figure}`; {choose_from(figure, known)}")
@@ -157,7 +139,7 @@ def import_table(table: str | Path, mapping: str | Path | None = None) -> Import
     rows = [(n, dict(zip(names, row + [""] * len(names), strict=False))) for n, row in lines]
     if not rows:
         raise CatalogError(f"{path}: no rows below the names of its columns")
-    kind = _SECTIONS[wanted.section]
+    kind = SECTIONS[wanted.section]
     of_rows = cells_of(kind)
     numbers = [given.column for figure, given in cells.items() if of_rows.get(figure)]
     mark = _decimal_mark(path, delimiter, (row[column] for _, row in rows for column in numbers))
@@ -246,7 +228,7 @@ def _entry(
     """
     every = wanted.every.items()  # each row adds to its parts
     entry: dict[str, Any] = {k: dict(v) if isinstance(v, dict) else v for k, v in every}
-    kind, units, problems = _SECTIONS[wanted.section], dict[str, str](), list[str]()
+    kind, units, problems = SECTIONS[wanted.section], dict[str, str](), list[str]()
     output, made = wanted.columns.get("output"), None
     column = output.column if isinstance(output, Cells) else output
     linear = (row[column] if column else entry.get("output")) == "linear"

@@ -12,7 +12,6 @@ from pinfric.drives.kinds.kind import Kind
 from pinfric.drives.kinds.stepper import LIMITS as STEPPERS
 from pinfric.drives.kinds.stepper import Stepper
 from pinfric.drives.limit import Limit
-from pinfric.drives.sourced import Sourced
 from pinfric.model.entry import Entry, key, optional
 
 
@@ -62,7 +61,3 @@ class KindSections(Entry):
         },
         default_factory=dict,
     )
-
-
-#: Section -> class of its entries.
-SECTIONS: dict[str, type[Sourced]] = {"cylinders": Cylinder}

@@ -6,7 +6,7 @@ from log_cases import DIALECTS, NAMES, PLAIN, Q, T, V, load, refused, table
 from numpy.testing import assert_allclose
 
 from pinfric.model.csv_text import number_of
-from pinfric.motions.log import csv_file
+from pinfric.motions.log.formats import csv_file
 
 
 @pytest.mark.parametrize("dialect", DIALECTS)
