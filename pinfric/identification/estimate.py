@@ -136,9 +136,9 @@ class Question:
         return self.at != "joint"
 
 
-@dataclass(eq=False)
+@dataclass(frozen=True, eq=False)
 class Estimate:
-    """What is known at a step, and in the end what was found.
+    """What is known after a step, and in the end what was found.
 
     Attributes:
         scene: the question's, with the fitted inertias of links.
@@ -159,10 +159,10 @@ class Estimate:
     scene: Scene
     prepared: tuple[Prepared, ...]
     choice: Choice
-    rows: tuple[Rows, ...] = ()
-    row_weights: tuple[FloatArray, ...] = ()
-    problem: Problem = field(init=False)
-    fit: Fit = field(init=False)
+    rows: tuple[Rows, ...]
+    row_weights: tuple[FloatArray, ...]
+    problem: Problem
+    fit: Fit
     delay: Delay = field(default_factory=lambda: Delay(0.0, np.inf, ()))
     stribeck: tuple[StribeckFit | None, ...] = ()
     errors: tuple[FloatArray, FloatArray] = (np.zeros(0), np.zeros(0))
@@ -221,14 +221,12 @@ def estimate(question: Question, progress: Callable[[int, int], object]) -> Esti
     for number, log in enumerate(prepared):  # by the URDF's inertias
         prepared[number] = with_loads(log, scene, np.zeros_like(log.payload))
     plain = ((PLAIN,),) * scene.model.nv
-    choice = _unjudged((PLAIN,) * scene.model.nv)
-    result = Estimate(question, scene, tuple(prepared), choice)
+    result = _first(question, tuple(prepared))
     del prepared, log  # a long log's columns fill much of the memory
-    _fit(result, plain)
     # of these a person has stated the unit, or a known payload tells it in the end
     told = {*question.gains, *_told(result)}
     if not question.no_gravity:
-        result.gravity = gravity_scales(scene, result.prepared, result.rows)
+        result = replace(result, gravity=gravity_scales(scene, result.prepared, result.rows))
         if holds_no_gravity(result.gravity):
             del result
             ahead = after(progress, len(question.recordings))
@@ -238,11 +236,13 @@ def estimate(question: Question, progress: Callable[[int, int], object]) -> Esti
     check_efforts(scene, result.rows, logs, told)
     check_limits(scene, result.rows, result.fit, logs, told)
     if not question.jumps:
-        _find_ways(result)
+        result = _with_ways(result)
     if not result.builds_up:
-        _find_delay(result)
+        slots = result.problem.slots(result.choice.laws)
+        result = _lean(result)
+        result = _with_delay(result, slots)
     total = 2 * steps if result.builds_up else steps  # `identify` then fits without ways, too
-    _fit(result, plain)
+    result = _fitted(result, plain)
     for number in range(4):
         if number >= 2 and not any(law.stribeck_slots for law in result.choice.laws):
             break  # only the speeds at which friction falls take longer
@@ -253,21 +253,24 @@ def estimate(question: Question, progress: Callable[[int, int], object]) -> Esti
             arguments = result.prepared, j, result.rows[j], result.row_weights[j], beside
             parts = _stribeck_choices(result, j)
             fits.append(find_stribeck(*arguments, parts) if parts else None)
-        result.stribeck = tuple(fits)
+        result = replace(result, stribeck=tuple(fits))
         laws = [offered(result, j) for j in range(len(result.rows))]
-        _find_delay(result, reload=True)
-        _fit(result, laws)
+        slots = result.problem.slots(result.choice.laws)
+        result = _lean(result)
+        result = _reloaded(result)
+        result = _with_delay(result, slots)
+        result = _fitted(result, laws)
     if lossy := _beyond_a_gear(result):
         offers = enumerate(result.problem.laws)
-        _fit(result, [[x for x in own if j not in lossy or x.load != "gear"] for j, own in offers])
+        laws = [tuple(x for x in own if j not in lossy or x.load != "gear") for j, own in offers]
+        result = _fitted(result, laws)
     touched = () if question.contacts else contacts(result.prepared, result.rows, result.fit)
     if touched:  # all again: laws and delay were found beside it
         del result
         lacks = without_contacts(question.recordings, touched)
         ahead = after(progress, steps - 1)
         return estimate(replace(question, recordings=lacks, contacts=touched), ahead)
-    result.errors = nested_errors(result.problem, result.rows)
-    _doubt(result)
+    result = _doubted(replace(result, errors=nested_errors(result.problem, result.rows)))
     progress(steps, total)
     if not result.known:
         raise IdentificationError(
@@ -291,15 +294,16 @@ def _unjudged(laws: tuple[Law, ...]) -> Choice:
     return Choice(laws, ({},) * len(laws), ((),) * len(laws))
 
 
-def _doubt(estimate: Estimate) -> None:
+def _doubted(estimate: Estimate) -> Estimate:
     """Take plain friction where choosing laws made unseen blocks worse.
 
     If all joints together are worse: at those that are worse themselves, then at all.
     """
     if (worse := _worse(estimate)).any():
-        _take_plain(estimate, worse)
+        estimate = _plain(estimate, worse)
         if _worse(estimate).any():
-            _take_plain(estimate, np.ones_like(worse))
+            estimate = _plain(estimate, np.ones_like(worse))
+    return estimate
 
 
 def _worse(estimate: Estimate) -> BoolArray:
@@ -310,7 +314,7 @@ def _worse(estimate: Estimate) -> BoolArray:
     return np.asarray((chosen > most * plain) & (chosen.sum() > most * plain.sum()))
 
 
-def _take_plain(estimate: Estimate, where: BoolArray) -> None:
+def _plain(estimate: Estimate, where: BoolArray) -> Estimate:
     """Fit again, with plain friction (or the stated law) at some joints (nj,)."""
     stated, errors = estimate.question.laws, estimate.choice.errors
     names, offers = estimate.scene.joint_names, estimate.problem.laws
@@ -319,18 +323,21 @@ def _take_plain(estimate: Estimate, where: BoolArray) -> None:
         for name, plain, own in zip(names, where.tolist(), offers, strict=True)
     ]
     now = zip(where.tolist(), laws, estimate.choice.laws, strict=True)
-    estimate.choice = _unjudged(tuple(own[0] if plain else law for plain, own, law in now))
-    _fit(estimate, laws)
-    estimate.errors = nested_errors(estimate.problem, estimate.rows)
-    estimate.choice = replace(estimate.choice, errors=errors)
-    estimate.distrusted = tuple(np.flatnonzero(where).tolist())
+    choice = _unjudged(tuple(own[0] if plain else law for plain, own, law in now))
+    found = _fitted(replace(estimate, choice=choice), laws)
+    return replace(
+        found,
+        errors=nested_errors(found.problem, found.rows),
+        choice=replace(found.choice, errors=errors),
+        distrusted=tuple(np.flatnonzero(where).tolist()),
+    )
 
 
-def _find_ways(estimate: Estimate) -> None:
+def _with_ways(estimate: Estimate) -> Estimate:
     """Find the ways over which friction builds up, and with them the delay, by plain friction."""
     scene = estimate.question.scene
     if rare_samples(estimate):
-        return  # signs would draw the delay
+        return estimate  # signs would draw the delay
     strokes = [
         sum(reversals(log, j).size + 1 for log in estimate.prepared if log.slides[:, j].any())
         for j in range(scene.model.nv)
@@ -347,12 +354,17 @@ def _find_ways(estimate: Estimate) -> None:
     if few:
         build = build or Build((None,) * scene.model.nv, 0.0, np.inf, {})
         build = build._replace(refused=build.refused | few)
-    estimate.build = build
-    if build is not None and estimate.builds_up:
-        estimate.prepared = tuple(with_ways(log, build.ways) for log in estimate.prepared)
-        logs = ((build.delay, build.error),) * len(estimate.prepared)
-        estimate.delay = Delay(build.delay, build.error, logs, {}, (False,) * len(logs))
-        estimate.prepared = tuple(reloaded(estimate, log) for log in estimate.prepared)
+    found = replace(estimate, build=build)
+    if build is None or not found.builds_up:
+        return found
+    logs = ((build.delay, build.error),) * len(found.prepared)
+    return _reloaded(
+        replace(
+            found,
+            prepared=tuple(with_ways(log, build.ways) for log in found.prepared),
+            delay=Delay(build.delay, build.error, logs, {}, (False,) * len(logs)),
+        )
+    )
 
 
 def rare_samples(estimate: Estimate) -> list[Recording]:
@@ -361,40 +373,51 @@ def rare_samples(estimate: Estimate) -> list[Recording]:
     return [recording for recording in recordings if coarse(recording.step)]
 
 
-def _find_delay(estimate: Estimate, reload: bool = False) -> None:
-    """Find by how much efforts lag, by the present laws and perhaps renewed loads.
+def _lean(estimate: Estimate) -> Estimate:
+    """Leave out what the next fit computes again: it takes much memory."""
+    problem = replace(estimate.problem, grams=())
+    return replace(estimate, rows=(), row_weights=(), problem=problem)
+
+
+def _reloaded(estimate: Estimate) -> Estimate:
+    """Renew the loads of all logs by the estimate."""
+    return replace(estimate, prepared=tuple(reloaded(estimate, log) for log in estimate.prepared))
+
+
+def _with_delay(estimate: Estimate, slots: Sequence[Sequence[int]]) -> Estimate:
+    """Find by how much efforts lag, by the slots of the present laws.
 
     Where friction builds up, the delay was found with the ways; joints may still differ from it.
     """
-    slots = estimate.problem.slots(estimate.choice.laws)
-    # what the next fit computes again takes much memory
-    estimate.rows, estimate.row_weights, estimate.problem = (
-        (),
-        (),
-        replace(estimate.problem, grams=()),
-    )
-    if reload:
-        estimate.prepared = tuple(reloaded(estimate, log) for log in estimate.prepared)
     # free, even where links are kept: the weight that a URDF lacks shall not look like a delay
     prior = urdf_prior(estimate.question.scene.model, kept=False)
     logs = [replace(log, slides=log.slides | log.turns) for log in estimate.prepared]
     delays = [log_delay(log, slots, prior, estimate.delay.value) for log in logs]
     if estimate.builds_up:
-        estimate.delay = replace(estimate.delay, joints=common_delay(delays).joints)
-        return
-    estimate.delay = common_delay(delays)
-    estimate.prepared = tuple(
+        delay = replace(estimate.delay, joints=common_delay(delays).joints)
+        return replace(estimate, delay=delay)
+    prepared = tuple(
         settled(log) if own.builds_up else log for log, own in zip(logs, delays, strict=True)
     )
+    return replace(estimate, delay=common_delay(delays), prepared=prepared)
 
 
-def _fit(estimate: Estimate, laws: Sequence[Sequence[Law]]) -> None:
-    """Fit the present columns, with laws chosen among those offered."""
+def _first(question: Question, prepared: tuple[Prepared, ...]) -> Estimate:
+    """Return the estimate with plain friction, all rows with the same weight at first."""
+    nj = question.scene.model.nv
+    prior = urdf_prior(question.scene.model, question.keep_inertias)
+    laws, nothing = ((PLAIN,),) * nj, Fit(np.zeros(0), np.zeros((nj, K)))
+    start = Problem((), np.ones(nj), prior, laws, np.zeros(0, int), question.motor)
+    choice = _unjudged((PLAIN,) * nj)
+    state = Estimate(question, question.scene, prepared, choice, (), (), start, nothing)
+    return _fitted(state, laws, first=True)
+
+
+def _fitted(estimate: Estimate, laws: Sequence[Sequence[Law]], *, first: bool = False) -> Estimate:
+    """Fit the present columns, with laws chosen among those offered; `first`: no fit is known."""
     # 1. rows at the present delay, and the parts of their blocks that are held out
     question, nj = estimate.question, estimate.question.scene.model.nv
-    estimate.rows = rows = tuple(
-        joint_rows(estimate.prepared, j, estimate.delay.value) for j in range(nj)
-    )
+    rows = tuple(joint_rows(estimate.prepared, j, estimate.delay.value) for j in range(nj))
     joint = np.repeat(np.arange(nj), [r.effort.size for r in rows])
     block, log = (np.concatenate([getattr(r, name) for r in rows]) for name in ("block", "log"))
     prior = urdf_prior(question.scene.model, question.keep_inertias)
@@ -402,9 +425,9 @@ def _fit(estimate: Estimate, laws: Sequence[Sequence[Law]]) -> None:
         (), np.ones(nj), prior, laws, held_out_parts(joint, block, log), question.motor
     )
     # 2. rows and joints are weighed by what the fit before leaves, with its laws
-    fit, row_weights = getattr(estimate, "fit", None), tuple(np.ones(r.effort.size) for r in rows)
-    for _ in range(2):
-        if fit is not None:
+    fit, row_weights = estimate.fit, tuple(np.ones(r.effort.size) for r in rows)
+    for number in range(2):
+        if number or not first:
             row_weights, weights = weighted(rows, fit)
             problem = replace(problem, weights=weights)
         problem = replace(problem, grams=())  # those of before take much memory
@@ -416,8 +439,8 @@ def _fit(estimate: Estimate, laws: Sequence[Sequence[Law]]) -> None:
         equations = FrictionNormalEquations(normal, prior)
         fit = equations.fit(problem.slots(estimate.choice.laws))
     # 3. laws
-    first = all(tuple(own) == (PLAIN,) for own in laws)
-    choice = estimate.choice if first else choose(problem)
+    free = any(tuple(own) != (PLAIN,) for own in laws)
+    choice = choose(problem) if free else estimate.choice
     choice = choice.on_motors(mixed(question.scene.drives, nj))
     # 4. links that can exist
     slots = problem.slots(choice.laws)
@@ -434,16 +457,18 @@ def _fit(estimate: Estimate, laws: Sequence[Sequence[Law]]) -> None:
         dry = [slot for slot in COULOMB if slot in own]
         if law.coulomb and len(dry) == 1:
             values[COULOMB] = values[dry[0]]
-    estimate.row_weights, estimate.problem, estimate.choice, estimate.fit = (
-        row_weights,
-        problem,
-        choice,
-        fit,
-    )
+    scene = estimate.scene
     if not question.inertias_stay:
-        estimate.scene = question.scene.with_(
-            model=with_parameters(question.scene.model, fit.theta)
-        )
+        scene = question.scene.with_(model=with_parameters(question.scene.model, fit.theta))
+    return replace(
+        estimate,
+        scene=scene,
+        rows=rows,
+        row_weights=row_weights,
+        problem=problem,
+        choice=choice,
+        fit=fit,
+    )
 
 
 def _stribeck_choices(estimate: Estimate, joint: int) -> list[list[int]]:

@@ -1,6 +1,5 @@
 """A wrong factor on one joint's effort, with masses free."""
 
-from copy import copy
 from dataclasses import replace
 
 import numpy as np
@@ -166,7 +165,6 @@ def test_a_mass_that_moves_is_doubted_where_rows_ask_for_it(found):
     assert said.endswith(f": {NAMES[ELBOW]}")
     theta = found.estimate.fit.theta.copy()
     theta[0] *= 1.0 + 2.0 * MOVED
-    heavy = copy(found.estimate)
-    heavy.fit = replace(found.estimate.fit, theta=theta)
+    heavy = replace(found.estimate, fit=replace(found.estimate.fit, theta=theta))
     assert mass_changes(guess(0).model, theta)[0] > MOVED
     assert moved_masses(heavy) == {}
