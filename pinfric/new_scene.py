@@ -29,7 +29,7 @@ from pinfric.errors import PinfricError, PinfricWarning, RobotError, choose_from
 from pinfric.formats import json_schema
 from pinfric.model.closure import closed_configurations, driving_joints
 from pinfric.model.files import file_hash, write_folder
-from pinfric.model.floating import free_joint
+from pinfric.model.floating import free_joint, stands
 from pinfric.model.legs import legs_of
 from pinfric.model.massless import massless_joints
 from pinfric.model.robot import Robot, link_frame, locator, read_robot, robot_text, urdf_file
@@ -464,7 +464,8 @@ def first_command(files: Sequence[Path]) -> tuple[str, list[Path]]:
     motion = [file for file in files if file.name.endswith(".waypoints.yaml")][:1]
     scene = load_scene(files[0])
     if not scene.loops:
-        return ("inverse" if motion else "explain"), motion
+        without = "check" if stands(scene) else "explain"  # no forces hold a base that floats
+        return ("inverse" if motion else without), motion
     try:
         for file in motion:
             load_trajectory(file, scene)

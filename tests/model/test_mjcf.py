@@ -324,7 +324,7 @@ def test_new_suggests_only_what_runs(tmp_path, capsys):
     for name, content, command in (
         ("welded", text, "check"),
         ("arm", MODELS["arm"], "inverse"),
-        ("leg", MODELS["leg"], "explain"),
+        ("leg", MODELS["leg"], "check"),
         ("bar", FOUR_BAR.format(TIES["connect"]), "inverse"),
     ):
         (tmp_path / f"{name}.xml").write_text(content)
