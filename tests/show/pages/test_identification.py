@@ -1,4 +1,3 @@
-from copy import copy
 from dataclasses import replace
 
 import pytest
@@ -26,9 +25,7 @@ def test_the_page_shows_the_delay_that_was_taken_where_logs_do_not_tell_it(found
     pytest.importorskip("jinja2")
     for value in (0.0062, 0.0):
         delay = replace(found.estimate.delay, value=value, standard_error=0.004)
-        estimate = copy(found.estimate)
-        estimate.delay = delay
-        vague = replace(found, estimate=estimate)
+        vague = replace(found, estimate=replace(found.estimate, delay=delay))
         head = identification_page(vague).split('class="facts"', 1)[1]
         assert f"<b>{1e3 * value:.1f} ms</b><span>taken as delay of the efforts: not" in head
 
