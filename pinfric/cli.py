@@ -842,6 +842,7 @@ def new(
     if link is not None and payload is None:
         raise typer.BadParameter("is the payload's: give --payload KG", param_hint="--link")
     from pinfric.checking.plausibility import check
+    from pinfric.model.scene_file import load_scene
     from pinfric.new_scene import first_command, write_new
     from pinfric.show.report.check import doubts
 
@@ -853,10 +854,11 @@ def new(
         scene = payload is not None or mass is not None or floating
         report = check(files[0]) if scene else check(urdf, arguments)
         command, motion = first_command(files)
+        stands = bool(load_scene(files[0]).feet)  # `size` does not take it
     show(doubts(report))
     for file in files:
         print_line(f"wrote {file}")
-    if mass is None:
+    if mass is None and not stands:
         print_line(
             "do the links' masses hold the motors and gears? Write `robot.masses`: until then "
             "`size` tries both and takes the heavier drives"

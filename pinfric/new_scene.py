@@ -131,7 +131,7 @@ class Begun:
             raise RobotError(f"drive {drive!r}: {choose_from(drive, list(DRIVES))}")
         robot = read_robot(urdf, {}, xacro_args)
         if floating and not free_joint(robot.model):
-            robot = read_robot(urdf, {}, xacro_args, floating)
+            robot = read_robot(urdf, {}, xacro_args, True)
         facts = RobotFacts.of(urdf, xacro_args, robot.floating)
         if mass is None:
             stands = floating or (bool(free_joint(robot.model)) and len(legs_of(robot.model)) > 1)
@@ -247,7 +247,7 @@ def new_scene(
     named = locator(urdf, folder) if not begun.masses else f"{begun.name}.masses.urdf"
     commands = [f"pinfric new {locator(urdf, folder)}"]
     commands += [f"--xacro-arg {name}:={value}" for name, value in robot.xacro_args.items()]
-    commands += ["--floating"] * robot.floating
+    commands += ["--floating"] * bool(robot.floating)
     commands += [f"--drive {begun.drive}"] * (begun.drive is not None)
     commands += [f"--mass {begun.mass:g}"] * bool(begun.masses)
     parts = [
@@ -270,7 +270,7 @@ def new_scene(
         + f"  # guess: {_mass_guess(begun)}" * bool(begun.masses),
         *_xacro_section(robot.xacro_args if not begun.masses else {}),
         *["  floating: true               # a joint root_joint, which nothing drives"]
-        * robot.floating,
+        * bool(robot.floating),
         f"  gravity: {robot.gravity or [0.0, 0.0, -9.81]}",
         *_dynamics_section(robot),
         *_masses_section(begun),

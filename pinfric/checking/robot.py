@@ -13,7 +13,7 @@ import numpy as np
 
 from pinfric.checking.link_extent import Extent, MeasuredLinks, numbers, place_of
 from pinfric.errors import FindingWarning, PinfricWarning
-from pinfric.model.floating import free_base
+from pinfric.model.floating import set_base
 from pinfric.model.mimics import link_of, lost_leaders
 from pinfric.model.robot import mesh_folders
 from pinfric.model.urdf import bodies, check_urdf, missing_meshes, still_links
@@ -135,7 +135,7 @@ class RobotFacts:
         extents: link -> box of its shapes; a link's meshes are read when it is first asked for.
         said: what reading warned of that is no other fact.
         xacro_args: with which it was read.
-        floating: whether its base was let free.
+        floating: whether its base was let free, or fixed; None: it is as its file says.
     """
 
     urdf: Path
@@ -145,13 +145,17 @@ class RobotFacts:
     extents: Mapping[str, Extent]
     said: tuple[str, ...]
     xacro_args: Mapping[str, str]
-    floating: bool = False
+    floating: bool | None = None
 
     @classmethod
     def of(
-        cls, urdf: Path, xacro_args: Mapping[str, str] | None = None, floating: bool = False
+        cls,
+        urdf: Path,
+        xacro_args: Mapping[str, str] | None = None,
+        floating: bool | None = None,
     ) -> RobotFacts:
-        """Read a URDF, its base let free if `floating`; what loading warns of is among the facts.
+        """Read a URDF, its base free or fixed by `floating`; what loading warns of is among the
+        facts.
 
         Raises:
             RobotError: see `read_xml` and `check_urdf`.
@@ -161,8 +165,7 @@ class RobotFacts:
             root = read_xml(urdf, xacro_args)
             lost, nameless = lost_leaders(root), not root.get("name")
             check_urdf(root, urdf)
-            if floating:
-                free_base(root, urdf)
+            set_base(root, urdf, floating)
         texts = (
             str(warning.message).removeprefix(f"{urdf}: ")
             for warning in said

@@ -15,30 +15,49 @@ from pinfric.model.mimics import link_of
 
 #: The joint of the free base and the link that it stands on, as Pinocchio and ROS call them.
 FREE_JOINT, _GROUND = "root_joint", "world"
+#: Attributes of a floating joint: where its file begins the base, and how it is turned.
+START = ("start_xyz", "start_rpy")
 #: What a file calls the six numbers of a free base, behind its joint's name: m, then rad.
 POSE = ("x", "y", "z", "roll", "pitch", "yaw")
 #: rad; nearer to a right angle a base's roll and yaw are not determined.
 MOST_PITCH = math.radians(85.0)
 
 
-def free_base(root: ElementTree.Element, urdf: Path) -> None:
-    """Put a joint of type floating before the root link; `root`, checked, is changed in place.
+def set_base(root: ElementTree.Element, urdf: Path, floating: bool | None) -> None:
+    """Free or fix the base of a robot; `root`, checked, is changed in place.
 
-    A root link without mass that is called `world` stays: the joint that fixes the robot to it
-    becomes the floating one.
+    A joint of type floating is put before the root link. A root link without mass that is called
+    `world` stays: the joint that fixes the robot to it becomes the floating one. A base is fixed
+    where the file begins it (`START`), else at the root link.
+
+    Args:
+        floating: whether the base floats; None: as the file says.
 
     Raises:
-        RobotError: the base floats already, or its joint's name is taken.
+        RobotError: more than the base floats already, or its joint's name is taken.
     """
+    if floating is None:
+        return
     joints = root.findall("joint")
     carried = {link_of(joint, "child") for joint in joints}
     base = next(x for link in root.findall("link") if (x := link.attrib["name"]) not in carried)
     first = [joint for joint in joints if link_of(joint, "parent") == base]
-    if len(first) == 1 and first[0].get("type") == "floating":
+    free = [joint for joint in first if joint.get("type") == "floating"]
+    if free and len(first) > 1:
+        other = next(joint for joint in first if joint is not free[0])
         raise RobotError(
-            f"{urdf}: robot.floating: joint {first[0].get('name')!r} lets the base float already; "
-            "leave `floating` out"
+            f"{urdf}: robot.floating: joint {free[0].get('name')!r} lets one part float, and joint "
+            f"{other.get('name')!r} begins at the ground, too: this is no one base; lock one of "
+            "them (robot.locked), or take it out of the file"
         )
+    if free and not floating:
+        free[0].set("type", "fixed")
+        for key in START:
+            origin = free[0].find("origin")
+            if key in free[0].attrib and origin is not None:
+                origin.set(key.removeprefix("start_"), free[0].attrib.pop(key))
+    if free or not floating:
+        return
     if base == _GROUND and len(first) == 1 and first[0].get("type") == "fixed":
         first[0].set("type", "floating")
         return

@@ -244,7 +244,7 @@ def _read_joint(
     if any(name == other for other, _ in written.joints):
         raise file.refused(element, "two joints have this name; names must differ")
     written.joints.append((name, kind))
-    anchor, turn = np.eye(4), within[:3, :3]
+    anchor, turn, begins = np.eye(4), within[:3, :3], at
     if kind == "floating":
         if link != _WORLD:
             raise file.refused(element, "a free joint is of a body of the world")
@@ -269,6 +269,8 @@ def _read_joint(
     own = body if last and not anchor[:3, 3].any() else f"{body}.{name}"
     ElementTree.SubElement(written.root, "link", name=own)
     joint = _joint(written.root, name, kind, link, own, at @ anchor @ start)
+    if kind == "floating":
+        joint.attrib |= {f"start_{key}": text for key, text in _origin(begins).items()}
     if kind in ("revolute", "prismatic"):
         ElementTree.SubElement(joint, "axis", xyz=_text(axis))
         _write_limit(file, written, element, given, joint, kind)

@@ -18,7 +18,7 @@ import pinocchio as pin
 
 from pinfric.errors import FindingWarning, PinfricWarning, RobotError, choose_from
 from pinfric.model.file_loops import FileLoops, file_loops
-from pinfric.model.floating import free_base
+from pinfric.model.floating import set_base
 from pinfric.model.mimics import link_of, lock_joints, numbers_before_names
 from pinfric.model.mjcf import BALL, MARK, keyframes
 from pinfric.model.schema import Payload
@@ -62,7 +62,7 @@ class Robot:
     reductions: Mapping[str, float]
     locked: Mapping[str, float] = field(default_factory=dict)
     xacro_args: Mapping[str, str] = field(default_factory=dict)
-    floating: bool = False
+    floating: bool | None = None
     closures: FileLoops = field(default_factory=FileLoops)
 
     @property
@@ -91,8 +91,7 @@ class Robot:
     def xml(self) -> ElementTree.Element:
         """Return a copy of its root element, xacro expanded, its base as free as the model's."""
         root = self.file_xml()
-        if self.floating:
-            free_base(root, self.urdf)
+        set_base(root, self.urdf, self.floating)
         return root
 
     def file_xml(self) -> ElementTree.Element:
@@ -167,20 +166,19 @@ def read_robot(
     urdf: Path,
     locked: Mapping[str, float],
     xacro_args: Mapping[str, str] | None = None,
-    floating: bool = False,
+    floating: bool | None = None,
 ) -> Robot:
     """Read and check a URDF; joints in `locked` are fixed at a position (rad or m) and removed.
 
-    `floating`: whether its base is free (`free_base`).
+    `floating`: whether its base is free (`set_base`).
 
     Raises:
         RobotError: not XML, not a URDF, an impossible mass, inertia or axis, an unknown joint, a
-            base that floats already.
+            base that cannot float.
     """
     root = read_xml(urdf, xacro_args)
     check_urdf(root, urdf)
-    if floating:
-        free_base(root, urdf)
+    set_base(root, urdf, floating)
     package_dirs = mesh_folders(urdf)
     warn_of_missing_meshes(root, urdf, package_dirs)
     closures = file_loops(root, urdf)

@@ -928,7 +928,7 @@ class Scene:
         if self.feet and not free_joint(self.model):
             raise SceneError(
                 f"{self.source}: feet: the base is fixed, and its feet carry nothing; write "
-                "`floating: true` under `robot`"
+                "`floating: true` under `robot`, or leave `feet` out"
             )
         for name in self.feet:
             try:

@@ -52,8 +52,8 @@ def scene_content(scene: Scene, robot: Robot, folder: Path, urdf: str = "") -> d
 def _robot(scene: Scene, robot: Robot, folder: Path, urdf: str) -> dict[str, Any]:
     """The section `robot`."""
     section: dict[str, Any] = {"urdf": urdf} if urdf else {robot.key: locator(robot.urdf, folder)}
-    if robot.floating:
-        section["floating"] = True
+    if robot.floating is not None:
+        section["floating"] = robot.floating
     section["gravity"] = scene.model.gravity.linear.tolist()
     if robot.xacro_args and not urdf:  # the new file is xacro no more
         section["xacro_args"] = dict(robot.xacro_args)

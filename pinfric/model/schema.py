@@ -100,11 +100,10 @@ class RobotEntry(Entry):
         {"ur_type": "ur10", "safety_limits": True},
         default_factory=dict,
     )
-    floating: bool = key(
+    floating: bool | None = optional(
         "whether its base is free, as of a robot that stands on its feet: a joint `root_joint` of "
-        "six degrees of freedom, which no drive moves",
+        "six degrees of freedom, which no drive moves; false: fixed; without it as its file says",
         True,
-        default=False,
     )
     gravity: Vector3 = key(
         "in the world's axes", [0.0, 0.0, -9.81], "m/s^2", default=(0.0, 0.0, -9.81)

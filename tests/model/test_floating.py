@@ -4,6 +4,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 import yaml
+from mjcf_cases import MODELS
 from robot_cases import joint, link, scene, urdf
 
 import pinfric as pf
@@ -14,6 +15,7 @@ from pinfric.model.scene_text import robot_with_bodies, scene_content
 
 pytestmark = pytest.mark.filterwarnings("ignore::pinfric.errors.PinfricWarning")
 LEG = link("trunk", "5"), joint("mount", "base", "trunk", "fixed"), link("shank")
+OTHER = link("ball", "1"), joint("other", "base", "ball", axis="0 1 0")
 KNEE = joint("knee", "trunk", "shank", axis="0 1 0")
 
 
@@ -73,14 +75,41 @@ def test_a_link_called_world_stays_the_ground(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("kind", "says"),
+    ("floating", "free"), [(None, "mount"), (True, "mount"), (False, "")], ids=str
+)
+def test_a_base_that_its_file_frees_stays_free_or_is_fixed(tmp_path, floating, free):
+    file = urdf(tmp_path, joint("mount", "base", "trunk", "floating"), *LEG[::2], KNEE)
+    assert free_joint(read_robot(file, {}, floating=floating).model) == free
+
+
+def test_the_fixed_base_of_an_mjcf_is_where_its_file_begins_it(tmp_path):
+    """Without forces its joints carry what MuJoCo's do where its free joint holds still."""
+    mujoco = pytest.importorskip("mujoco")
+    tilted = MODELS["leg"].replace('pos="0 0 1"', 'pos="0.1 0.2 1" euler="40 20 10"')
+    (tmp_path / "leg.xml").write_text(tilted)
+    file = tmp_path / "leg.yaml"
+    file.write_text("pinfric: 1\nrobot: {mjcf: leg.xml, floating: false}\n")
+    fixed = pf.load_scene(file)
+    judge = mujoco.MjModel.from_xml_path(str(tmp_path / "leg.xml"))
+    data = mujoco.MjData(judge)
+    data.qpos[7:] = 0.3, -0.4, 0.5
+    mujoco.mj_inverse(judge, data)
+    found = pf.inverse_dynamics(fixed, [0.3, -0.4, 0.5], np.zeros(3), np.zeros(3))
+    np.testing.assert_allclose(found.effort_frictionless[0], data.qfrc_inverse[6:], atol=1e-9)
+    content = scene_content(fixed, fixed.robot, tmp_path, "")
+    (tmp_path / "again.yaml").write_text(yaml.safe_dump(content))
+    assert pf.load_scene(tmp_path / "again.yaml").model.nv == 3
+
+
+@pytest.mark.parametrize(
+    ("kind", "more", "says"),
     [
-        ("floating", "joint 'mount' lets the base float already; leave `floating` out"),
-        ("fixed", "joint 'root_joint' is there"),
+        ("floating", OTHER, "joint 'mount' lets one part float, and joint 'other' begins at"),
+        ("fixed", (), "joint 'root_joint' is there"),
     ],
 )
-def test_a_base_that_floats_already_is_refused(tmp_path, kind, says):
+def test_a_base_that_cannot_float_is_refused(tmp_path, kind, more, says):
     name = "mount" if kind == "floating" else "root_joint"
-    file = urdf(tmp_path, LEG[0], joint(name, "base", "trunk", kind))
+    file = urdf(tmp_path, LEG[0], joint(name, "base", "trunk", kind), *more)
     with pytest.raises(RobotError, match=says):
         pf.load_scene(scene(tmp_path, f"robot: {{urdf: {file.name}, floating: true}}"))

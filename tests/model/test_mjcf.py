@@ -324,7 +324,7 @@ def test_new_suggests_only_what_runs(tmp_path, capsys):
     for name, content, command in (
         ("welded", text, "check"),
         ("arm", MODELS["arm"], "inverse"),
-        ("leg", MODELS["leg"], "check"),
+        ("leg", MODELS["leg"], "check"),  # one leg: no forces are known to hold its base
         ("bar", FOUR_BAR.format(TIES["connect"]), "inverse"),
     ):
         (tmp_path / f"{name}.xml").write_text(content)
