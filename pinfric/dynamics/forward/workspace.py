@@ -44,6 +44,7 @@ from pinfric.friction.problem import GivenModes, Modes, Problem, SearchOutcome
 from pinfric.friction.rest import Mechanism, solve_modes
 from pinfric.friction.search import SearchStatistics, search, solve_given
 from pinfric.friction.several import kernel_of_simplices
+from pinfric.friction.smoothing import kernel_of_smoothing
 from pinfric.friction.tree import kernels_of_tree
 from pinfric.kernels.compiled import KernelArgument, compile_for, compiling, entry_point
 from pinfric.kernels.late import compile_late
@@ -526,6 +527,7 @@ def _kernels_of_search(problem: Problem, modes: Modes) -> list[tuple[Any, tuple[
         (reduce_problem, (problem, modes.stuck, modes.direction, rows)),
         (least_violation, (empty, line, line, 0, 0.0, line)),
         kernel_of_simplices(),
+        *([] if len(modes.effort) else [kernel_of_smoothing(problem)]),
     ]
 
 
