@@ -6,7 +6,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from pinfric.friction.balance import RANK
 from pinfric.friction.dense import largest, solve_dense
 from pinfric.friction.given_modes import SHOULD_STICK
 from pinfric.friction.problem import Modes
@@ -48,11 +47,7 @@ def turn_balls(modes: Modes, mechanism: Mechanism, slips: bool = False) -> float
     slipping = modes.at_rest & ~modes.stuck & mechanism.ball
     if not mechanism.closed or not slipping.any():
         return turned
-    held = mechanism.factor[:, modes.stuck]
-    free = mechanism.factor - held @ (np.linalg.pinv(held, rcond=RANK) @ mechanism.factor)
-    here = np.array([np.flatnonzero(mechanism.block == b) for b in mechanism.joints(slipping)])
-    size, axes = np.linalg.eigh(np.einsum("dbi,dbj->bij", free[:, here], free[:, here]))
-    size[size < RANK**2 * size[:, -1:]] = 0.0
+    free, here, size, axes = mechanism.freed(modes.stuck, slipping)
     balls = Balls(here, size, axes, np.linalg.norm(modes.friction[here], axis=1))
     x = modes.friction.copy()
     call_compiled(turn_in_turns, free, modes.rate, balls, x)

@@ -76,6 +76,7 @@ class Mechanism:
     slope: np.ndarray | None = None
     _groups: tuple[object, list[Group]] = (None, [])
     _locked: tuple[object, bool] = (None, False)
+    _freed: tuple[object, tuple[np.ndarray, ...]] = (None, ())
 
     def groups(self, stuck: np.ndarray) -> list[Group]:
         """Return the coordinates that stick and share their friction, group by group.
@@ -108,6 +109,27 @@ class Mechanism:
             rank = _rank(self.factor[:, stuck])
             self._locked = key, rank == len(self.factor)
         return self._locked[1]
+
+    def freed(self, stuck: np.ndarray, slipping: np.ndarray) -> tuple[np.ndarray, ...]:
+        """Return what `balls.turn_balls` needs of balls that slip, whichever way they do.
+
+        The last result is kept: balls turn many times in the same modes.
+
+        Args:
+            stuck: (nc,) bool. slipping: (nc,) bool, coordinates of balls.
+
+        Returns:
+            The factor without what sticks (d, nc), and `balls.Balls.here`, `size` and `axes`.
+        """
+        key = stuck.tobytes(), slipping.tobytes(), self.factor.tobytes()
+        if self._freed[0] != key:
+            held = self.factor[:, stuck]
+            free = self.factor - held @ (np.linalg.pinv(held, rcond=RANK) @ self.factor)
+            here = np.array([np.flatnonzero(self.block == b) for b in self.joints(slipping)])
+            size, axes = np.linalg.eigh(np.einsum("dbi,dbj->bij", free[:, here], free[:, here]))
+            size[size < RANK**2 * size[:, -1:]] = 0.0
+            self._freed = key, (free, here, size, axes)
+        return self._freed[1]
 
     def joints(self, which: np.ndarray) -> list[int]:
         """Return the numbers of the joints of which coordinates (nc,) are among these."""
@@ -322,8 +344,8 @@ class _Shared:
         new[modes.stuck] = 0.0
         rate = p.rate_free + p.rate_slope @ new
         if self.alone.size:
-            here = np.ix_(self.alone, self.alone)
-            new[self.alone] = -np.linalg.lstsq(p.rate_slope[here], rate[self.alone], rcond=None)[0]
+            here = p.rate_slope[self.alone[:, None], self.alone]
+            new[self.alone] = -np.linalg.lstsq(here, rate[self.alone], rcond=None)[0]
             rate = p.rate_free + p.rate_slope @ new
         for i, each in enumerate(self.groups):
             group, _, A = each
@@ -347,7 +369,7 @@ class _Shared:
             most = float((used / np.where(limit > 0.0, limit, np.inf)).max())
             owner, slope = p.coordinate[p.contact_entry], np.zeros((len(x), len(x)))  # of limits
             add_load_slopes(p.contact, owner, p.grip[p.contact_entry], x, slope)
-            slope = min(most, 1.0) * slope[np.ix_(group, group)]
+            slope = min(most, 1.0) * slope[group[:, None], group]
             if len(A) == 1 and self.follows_loads:
                 new[group] = share_one(A, b, limits, slope, block)
                 continue

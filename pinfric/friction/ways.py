@@ -70,7 +70,8 @@ class PossibleWays:
                 yield balls | dict(zip(order, signs, strict=True))
             return
         # 1. the w at which the others rest, start + N y
-        stuck = self.at_rest & ~np.isin(block, [block[c] for c in (*slipping, *forced)])
+        slips = np.array([block[c] for c in (*slipping, *forced)])
+        stuck = self.at_rest & ~np.equal.outer(block, slips).any(axis=1)
         rows = self.A[stuck]
         U, size, right = np.linalg.svd(rows)
         rank = int((size > RANK).sum())

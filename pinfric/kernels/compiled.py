@@ -139,8 +139,11 @@ def late_kernel(part: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]
 
 def call_compiled(kernel: Any, *arguments: Any) -> Any:
     """Call a kernel compiled even for a small problem: the call may take long."""
-    with compiling():
+    CLOCK.hurried += 1
+    try:  # what `compiling` does, in a tenth of its time
         return kernel(*arguments)
+    finally:
+        CLOCK.hurried -= 1
 
 
 def compile_for(kernel: Any, *arguments: Any) -> None:
