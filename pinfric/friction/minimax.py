@@ -29,9 +29,29 @@ def least_violation(
         reach: bound of every z.
         z: (dz,), overwritten.
     """
-    dz = z.size
+    basis, y = np.empty(z.size + 1, np.int64), np.empty(z.size + 1)
+    bound = greatest_bound(G, h, s, rows, reach, basis, y)
+    write_vertex(G, h, s, rows, reach, basis, z)
+    return bound
+
+
+@kernel
+def greatest_bound(
+    G: np.ndarray,
+    h: np.ndarray,
+    s: np.ndarray,
+    rows: int,
+    reach: float,
+    basis: np.ndarray,
+    y: np.ndarray,
+) -> float:
+    """Return the bound of m of `least_violation`, and write the basis and the y that prove it.
+
+    Args:
+        G, h, s, rows, reach: see `least_violation`. basis, y: see `begin`.
+    """
+    dz = y.size - 1
     T, value = np.zeros((dz + 1, rows + 2 * dz)), np.empty(rows + 2 * dz)
-    basis, y = np.empty(dz + 1, np.int64), np.empty(dz + 1)
     size = begin(G, h, s, rows, reach, T, value, basis, y)
     for pivots in range(_MOST_PIVOTS):
         enter, best = -1, _OBEYED * (size + reach)
@@ -51,7 +71,6 @@ def least_violation(
             break
         exchange(T, value, y, leave, enter)
         basis[leave] = enter
-    write_vertex(G, h, s, rows, reach, basis, z)
     return _checked_bound(G, h, s, rows, reach, basis, y)
 
 

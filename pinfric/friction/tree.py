@@ -21,7 +21,7 @@ import numpy as np
 
 from pinfric.friction.dense import factorize, solve_dense, spectral_radius_bound
 from pinfric.friction.law import sliding
-from pinfric.friction.minimax import least_violation
+from pinfric.friction.minimax import greatest_bound
 from pinfric.friction.problem import Problem
 from pinfric.friction.ways import Ways
 from pinfric.kernels.compiled import kernel
@@ -161,9 +161,10 @@ class Tree:
 def allows(problem: Problem, bounds: Bounds, at_rest: np.ndarray, mode: np.ndarray) -> bool:
     """Return whether no program refutes the modes (nc,) of a mechanism, whose rates depend."""
     nc = mode.size
-    G, h, s, z = np.empty((6 * nc, nc)), np.empty(6 * nc), np.ones(6 * nc), np.empty(nc)
+    G, h, s = np.empty((6 * nc, nc)), np.empty(6 * nc), np.ones(6 * nc)
+    basis, y = np.empty(nc + 1, np.int64), np.empty(nc + 1)
     rows, free = write_rows(problem, bounds, at_rest, mode, False, G, h)
-    return least_violation(G, h, s, rows, 1.0, z[:free]) <= _EXACT
+    return greatest_bound(G, h, s, rows, 1.0, basis[: free + 1], y[: free + 1]) <= _EXACT
 
 
 @kernel
@@ -506,7 +507,8 @@ def expand(
     """
     nc, n = bounds.box.size, order.size
     G, h, s = np.empty((6 * nc, nc)), np.empty(6 * nc), np.ones(6 * nc)
-    z, waiting = np.empty(nc), np.empty((n + 2, nc), np.int8)
+    basis, y = np.empty(nc + 1, np.int64), np.empty(nc + 1)
+    waiting = np.empty((n + 2, nc), np.int8)
     found, after, programs = 0, 0, 0
     for node in range(nodes.shape[0]):
         for c in range(nc):
@@ -519,7 +521,8 @@ def expand(
             if programs > most:
                 return -1, after, programs
             rows, free = write_rows(problem, bounds, at_rest, mode, follow, G, h)
-            if least_violation(G, h, s, rows, 1.0, z[:free]) > _EXACT:
+            bound = greatest_bound(G, h, s, rows, 1.0, basis[: free + 1], y[: free + 1])
+            if bound > _EXACT:
                 continue
             k = 0
             while k < n and mode[order[k]] != _UNDECIDED:
@@ -563,14 +566,14 @@ def write_rows(
         G, h: overwritten.
     """
     box, nc = bounds.box, bounds.box.size
-    free, held = np.empty(nc, np.int64), np.empty(nc, np.int64)
+    free, held, place = np.empty(nc, np.int64), np.empty(nc, np.int64), np.empty(nc, np.int64)
     n = k = 0
     for c in range(nc):
         if mode[c] == _STICKS and follow:
-            held[k] = c
+            held[k], place[c] = c, -1
             k += 1
         else:
-            free[n] = c
+            free[n], place[c] = c, n
             n += 1
     # 1. x = of_z (1, z): what sticks has no rate
     A, B, of_z = np.empty((k, k)), np.empty((k, 1 + n)), np.zeros((nc, 1 + n))
@@ -598,17 +601,17 @@ def write_rows(
             mine = slips and sign * way > 0.0
             if not slips:  # sign x <= limit
                 limit = bounds.stick if way == _STICKS else bounds.either
-                rows += _put(-1.0, limit[c, side], c, sign, of_z, scale, G, h, rows)
+                rows += _put(-1.0, limit[c, side], c, sign, of_z, place, scale, G, h, rows)
             for end in range(2 if mine else 0):  # least <= -sign x <= most
                 toward = 1.0 - 2.0 * end
                 slip = bounds.slip[c, side, end]
-                rows += _put(toward, slip, c, toward * sign, of_z, scale, G, h, rows)
+                rows += _put(toward, slip, c, toward * sign, of_z, place, scale, G, h, rows)
             if at_rest[c] and (mine or (way == _STICKS and not follow)):  # sign r >= 0
                 line[0], size = -sign * problem.rate_free[c], problem.rate_scale[c]
                 for d in range(nc):
                     line[1 + d] = -sign * problem.rate_slope[c, d]
                     size += abs(problem.rate_slope[c, d]) * box[d]
-                rows += _put(1.0, line, c, 0.0, of_z, size + 1e-300, G, h, rows)
+                rows += _put(1.0, line, c, 0.0, of_z, place, size + 1e-300, G, h, rows)
     return rows, n
 
 
@@ -619,6 +622,7 @@ def _put(
     c: int,
     sign: float,
     of_z: np.ndarray,
+    place: np.ndarray,
     scale: float,
     G: np.ndarray,
     h: np.ndarray,
@@ -634,6 +638,9 @@ def _put(
         entry = factor * line[1 + d] + (sign if d == c else 0.0)
         if entry != 0.0:
             h[row] += entry * of_z[d, 0]
+            if place[d] >= 0:  # its own unknown
+                G[row, place[d]] += entry * of_z[d, 1 + place[d]]
+                continue
             for j in range(of_z.shape[1] - 1):
                 G[row, j] += entry * of_z[d, 1 + j]
     h[row] /= scale
