@@ -208,7 +208,7 @@ def _read_body(
     from_geoms = file.compiler.get("inertiafromgeom", "auto")
     if inertial and from_geoms != "true":
         written.bodies[name] = bounded_body(file, read_inertial(file, inertial[0]))
-    elif from_geoms != "false" and (made := body_of_geoms(file, geoms)) is not None:
+    elif from_geoms != "false" and (made := body_of_geoms(file, geoms, not above)) is not None:
         written.bodies[name] = bounded_body(file, made)
     for part, within, kind in parts:
         if part.tag == "body":

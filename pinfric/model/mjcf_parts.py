@@ -323,8 +323,12 @@ def read_inertial(file: MjcfFile, element: ElementTree.Element) -> Body:
     return Body(mass, place[:3, 3], place[:3, :3] @ own @ place[:3, :3].T)
 
 
-def body_of_geoms(file: MjcfFile, geoms: Sequence[tuple[np.ndarray, Geom]]) -> Body | None:
+def body_of_geoms(
+    file: MjcfFile, geoms: Sequence[tuple[np.ndarray, Geom]], still: bool
+) -> Body | None:
     """Return the body that geoms make, each with a place (4, 4) of its frame; None without mass.
+
+    still: whether it never moves; then a mass that is not computed is left out.
 
     Raises:
         RobotError: a mass of a mesh or a shell, which only MuJoCo computes.
@@ -341,6 +345,8 @@ def body_of_geoms(file: MjcfFile, geoms: Sequence[tuple[np.ndarray, Geom]]) -> B
         if not float(density if stated is None else stated):
             continue
         if geom.kind not in _SIZES or geom.given.get("shellinertia", "false") == "true":
+            if still:
+                return None
             raise file.refused(
                 geom.element,
                 f"its body has no <inertial>, and a mass of a {geom.kind} is not computed here: "

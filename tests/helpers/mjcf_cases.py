@@ -105,6 +105,15 @@ MODELS = {
         after="""<actuator><motor joint="k" gear="50" ctrlrange="-1 2"/>
           <position joint="l"/><motor joint="j" gear="100" ctrlrange="-1 1"/></actuator>""",
     ),
+    "object": mjcf(
+        """
+        <body name="box" pos="1 0 0"><joint name="x" type="slide" axis="1 0 0" armature="0.04"/>
+          <joint name="y" type="slide" axis="0 1 0" armature="0.04"/><geom size="0.05"/></body>
+        <body name="arm"><geom type="mesh" mesh="stand"/><body name="link">
+          <joint name="j" axis="0 1 0" armature="0.04"/><geom size="0.05" pos="0.2 0 0"/>
+        </body></body>""",
+        before='<asset><mesh name="stand" vertex="0 0 0 1 0 0 0 1 0 0 0 1"/></asset>',
+    ),
     "hollow": mjcf(
         f"""
         <body name="carriage"><joint name="rail" type="slide" axis="1 0 0" range="-1 1"/>

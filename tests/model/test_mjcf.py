@@ -37,6 +37,7 @@ def compiled(folder, friction=False):
     if not friction:
         model.dof_armature[:] = 0.0
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
+    mujoco.mj_setConst(model, mujoco.MjData(model))  # of bodies on slides it keeps mass and rotor
     return model
 
 
