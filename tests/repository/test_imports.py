@@ -148,6 +148,9 @@ LOOKED_UP = {
     "pinfric.cli": ["import_module(f'pinfric.{module}')"],
     # while numba, which holds its lock, compiles a kernel
     "pinfric.kernels.compiled": ["FunctionIdentity._unique_ids", "config.LOOP_VECTORIZE"],
+    # their neighbours in the folder
+    "pinfric.motions.log.formats.registry": ["import_module(f'.{module.name}', __package__)"],
+    "pinfric.show.figure.registry": ["import_module(f'.{module.name}', __package__)"],
     "pinfric.show.pages.page": ["import_module(module)"],
 }
 

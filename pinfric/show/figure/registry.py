@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from importlib import import_module
+from pathlib import Path
 from pkgutil import iter_modules
 from typing import Any, TypeVar
 
@@ -51,9 +52,8 @@ def draws(
 
 def known() -> list[ResultFigure]:
     """Return the figures of all results, those of a module in its order."""
-    package = import_module(__package__ or "")
-    for module in iter_modules(package.__path__):
-        import_module(f"{package.__name__}.{module.name}")
+    for module in iter_modules([str(Path(__file__).parent)]):
+        import_module(f".{module.name}", __package__)
     return _KNOWN
 
 

@@ -54,9 +54,9 @@ def opener(path: Path) -> Callable[..., OpenedLog]:
     Raises:
         TrajectoryError: no format's files end so.
     """
-    name, package = path.name.lower(), import_module(__package__ or "")
-    for module in iter_modules(package.__path__):
-        import_module(f"{package.__name__}.{module.name}")
+    name = path.name.lower()
+    for module in iter_modules([str(Path(__file__).parent)]):
+        import_module(f".{module.name}", __package__)
     for ending, found in _KNOWN.items():
         if name.endswith(ending):
             return found
