@@ -149,8 +149,8 @@ LOOKED_UP = {
     # while numba, which holds its lock, compiles a kernel
     "pinfric.kernels.compiled": ["FunctionIdentity._unique_ids", "config.LOOP_VECTORIZE"],
     # their neighbours in the folder
-    "pinfric.motions.log.formats.registry": ["import_module(f'.{module.name}', __package__)"],
-    "pinfric.show.figure.registry": ["import_module(f'.{module.name}', __package__)"],
+    "pinfric.motions.log.formats.registry": ["import_module(f'.{module.name}')"],
+    "pinfric.show.figure.registry": ["import_module(f'.{module.name}')"],
     "pinfric.show.pages.page": ["import_module(module)"],
 }
 
