@@ -110,14 +110,17 @@ def gravity_scales(
 
         y = s G(q) + s_d (t - G) + J a + friction + g |t| sign v
 
-    t is the URDF's rigid effort; blocks are the samples. Losses that differ by d between driving
-    and driven change s by up to d/2. Joints whose logs do not determine s are left out.
+    t is the URDF's rigid effort, without payloads; blocks are the samples. Losses that differ by d
+    between driving and driven change s by up to d/2. Joints whose logs do not determine s are left
+    out.
     """
     parts, scales = gravity_efforts(scene.model, scene, logs), {}
+    carried = [log.payload[log.kept] for log in logs]
     slots = [*_OWN, GEARS["motor", "both"]]
     for j, own in enumerate(rows):
         G = at_rows(parts, logs, j)
-        found = _scale(own, G, np.column_stack((own.load - G, own.slots[:, slots])))
+        inertia = own.load - at_rows(carried, logs, j) - G
+        found = _scale(own, G, np.column_stack((inertia, own.slots[:, slots])))
         if found is not None and found.share > _LEAST_LOAD and found.reach < _UNKNOWN:
             scales[j] = found.value, found.reach
     return scales
@@ -130,15 +133,17 @@ def inertia_scales(
 
         y = s (t - G) + s_g G + J a + friction
 
-    t is the URDF's rigid effort, G its gravity. The links' inertia changes with the posture, which
-    no rotor's does. Then one s of all joints, `weights` their (nj,): s is the square of stamped
-    over true time; None: no joint's rows tell it.
+    t is the URDF's rigid effort, without payloads, G its gravity. The links' inertia changes with
+    the posture, which no rotor's does. Then one s of all joints, `weights` their (nj,): s is the
+    square of stamped over true time; None: no joint's rows tell it.
     """
     parts, scales, products = gravity_efforts(scene.model, scene, logs), {}, list[FloatArray]()
+    carried = [log.payload[log.kept] for log in logs]
     for j, own in enumerate(rows):
         slots = [*_OWN, *np.flatnonzero(fit.slots[j])]
         G = at_rows(parts, logs, j)
-        found = _scale(own, own.load - G, np.column_stack((G, own.slots[:, slots])))
+        inertia = own.load - at_rows(carried, logs, j) - G
+        found = _scale(own, inertia, np.column_stack((G, own.slots[:, slots])))
         if found is not None:
             scales[j] = found.value, found.reach
             products.append(weights[j] * found.products)

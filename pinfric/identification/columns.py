@@ -100,7 +100,7 @@ class Prepared:
             are too far apart to be differentiated. They only weigh the delay: single precision.
         effort: time -> (., nj) low-passed, less what payloads and springs take. A cubic spline:
             linear interpolation has less noise between samples, which would bias delays.
-        payload: (T, nj) what payloads take, less what springs give, N m or N.
+        payload: (T, nj) what payloads take, less what springs and forces on frames give, N m or N.
         load, bearing: (T, nj) by the present estimate, N m or N: effort without friction; load of
             the joint's bearing, or of its gear where the scene names no bearing.
         presliding: (n, nj, 3) what friction lacks that builds up over a way; only the delay has it.
@@ -157,8 +157,8 @@ def prepare(
         gravity_as_logged = scene.with_(model=weightless(scene.model), friction={})
         seen = along(gravity_as_logged, motion)[0]
         missing = rigid_effort - seen
-    if scene.payloads or scene.springs:
-        empty = replace(motion, attached=np.zeros_like(motion.attached))
+    if scene.payloads or scene.springs or motion.external:
+        empty = replace(motion, attached=np.zeros_like(motion.attached), external={})
         bare = gravity_as_logged.with_(friction={}, springs=())
         payload = seen - along(bare, empty)[0]
     known = np.isfinite(recording.effort)

@@ -70,6 +70,7 @@ from pinfric.identification.normal import (
     weighted,
 )
 from pinfric.identification.recordings import STILL, Recording
+from pinfric.identification.standing import base_joints
 from pinfric.identification.stribeck import (
     StribeckFit,
     find_stribeck,
@@ -112,6 +113,7 @@ class Question:
             URDF's, and the fitted links no robot's.
         contacts: times in which the robot was touched, whose efforts were taken out.
         jumps: whether friction jumps at reversals, so that no ways are searched.
+        floating: the scene as given, whose free base six joints of `scene` stand for (`standing`).
     """
 
     scene: Scene
@@ -124,6 +126,12 @@ class Question:
     no_gravity: bool = False
     contacts: tuple[Contact, ...] = ()
     jumps: bool = False
+    floating: Scene | None = None
+
+    @property
+    def base(self) -> tuple[str, ...]:
+        """The joints of `scene` in the place of the free base."""
+        return () if self.floating is None else base_joints(self.floating)
 
     @property
     def inertias_stay(self) -> bool:

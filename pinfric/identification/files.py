@@ -12,6 +12,7 @@ from pinfric.identification.advice import advice_text
 from pinfric.identification.findings import Findings
 from pinfric.identification.laws import PLAIN
 from pinfric.identification.parameters import Parameter, on_motor
+from pinfric.identification.standing import on_base
 from pinfric.model.robot import Robot
 from pinfric.model.scene_text import robot_with_bodies, scene_content
 from pinfric.model.yamlfile import yaml_text
@@ -38,8 +39,9 @@ def identified_files(findings: Findings, folder: Path) -> dict[str, str]:
         "scene.yaml": scene_text(findings, robot, folder),
         "posterior.csv": posterior_text(findings),
         "sweep.yaml": _SWEEP,
-        "advice.waypoints.yaml": advice_text(findings.advice[0], findings.scene),
     }
+    if findings.advice:
+        texts["advice.waypoints.yaml"] = advice_text(findings.advice[0], findings.scene)
     if not findings.keeps_inertias:
         texts[_ROBOT] = robot_with_bodies(robot, findings.scene.model)
     return texts
@@ -73,7 +75,10 @@ def posterior_text(findings: Findings) -> str:
 
 def scene_text(findings: Findings, robot: Robot, folder: Path) -> str:
     """Return the identified scene as a commented file in `folder`."""
-    scene = replace(findings.scene, sized=None)  # its masses are the logs' now
+    scene, floating = findings.scene, findings.estimate.question.floating
+    if floating is not None:
+        scene = on_base(scene, floating)
+    scene = replace(scene, sized=None)  # its masses are the logs' now
     content = scene_content(scene, robot, folder, "" if findings.keeps_inertias else _ROBOT)
     logs, at = ", ".join(log.name for log in findings.recordings), findings.estimate.question.at
     lines = [
@@ -93,7 +98,9 @@ def scene_text(findings: Findings, robot: Robot, folder: Path) -> str:
 
 def _comments(findings: Findings) -> dict[tuple[str, ...], str]:
     comments = {}
-    order = findings.scene.joint_names
+    order = [
+        name for name in findings.scene.joint_names if name not in findings.estimate.question.base
+    ]
     products = {p.joint: p for p in findings.parameters if p.name == "efficiency_product"}
     for parameter in findings.parameters:
         where: tuple[str, ...] = ("friction", parameter.joint)

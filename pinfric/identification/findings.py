@@ -119,8 +119,8 @@ class Findings:
 
     @cached_property
     def advice(self) -> tuple[Advice, ...]:
-        """Recordings of 30 s each, the most informative one first."""
-        return advise(self.estimate)
+        """Recordings of 30 s each, the most informative one first; none of a robot that stands."""
+        return () if self.estimate.question.floating else advise(self.estimate)
 
     def law_of(self, joint: str) -> str:
         """Return a joint's law in words; "not explained" where it has none."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Literal
 
@@ -32,11 +32,13 @@ from pinfric.identification.parameters import (
 from pinfric.identification.prediction import held_out_errors, unseen_errors
 from pinfric.identification.recordings import Recording, check_scene, read_recordings
 from pinfric.identification.rest import break_aways, rest_bounds
+from pinfric.identification.standing import on_chain
 from pinfric.identification.uncertainty import Uncertainty, uncertainty
 from pinfric.model.arrays import FloatArray
 from pinfric.model.brief import counted, file_name, listed, screen
 from pinfric.model.couples import taking_part
 from pinfric.model.files import write_folder
+from pinfric.model.floating import stands
 from pinfric.model.scene import Scene, expect_scene
 from pinfric.model.upward import Shown
 from pinfric.motions.log.effort_place import check_effort_place, factors_to_joint
@@ -102,6 +104,9 @@ def identify(
 ) -> Identified:
     """Return the friction of an open chain's joints from logs of motion and effort.
 
+    Of a robot that stands, logs have the base's pose and the forces at its feet; `found.scene` has
+    six joints in place of the base (`root_joint.x` to `.roll`), and `save` writes the base.
+
         y(t + delay) = Y(q, v, a) theta + J a + friction,    theta: the links' inertial parameters
 
     Each joint gets the smallest law whose error on held-out blocks is not worse. Coefficients are
@@ -115,7 +120,7 @@ def identify(
             log it (rotor and gear losses are in it); "motor", torque at the motor's shaft, which
             the scene's ratio multiplies; "joint", measured behind the gear.
         inertia: "consistent" corrects the links' inertias to ones that can exist, "keep" takes the
-            URDF's.
+            URDF's, as they are taken where the base floats.
         laws: joint -> its law, where it is not to be chosen.
         payloads: log's name, or its path where several have that name -> payload of the scene that
             it carries throughout, or "none".
@@ -141,15 +146,27 @@ def identify(
                     f"identify: a log is a {type(log).__name__}; give a file's name, or "
                     "pf.Log(t, q, effort): measured efforts belong to it"
                 )
-    recordings = read_recordings(scene, logs, gain or {}, payloads or {}, options)
-    unseen = read_recordings(scene, held_out, gain or {}, {}, options) if held_out else ()
+    floating = scene if stands(scene) else None
+    if floating is not None:
+        scene = on_chain(floating)
+    read = partial(read_recordings, scene, options=options, floating=floating)
+    recordings = read(logs, gain or {}, payloads or {})
+    unseen = read(held_out, gain or {}, {}) if held_out else ()
     factors = factors_to_joint(scene, effort_at)
     recordings, unseen = (
         tuple(replace(recording, effort=recording.effort * factors) for recording in read)
         for read in (recordings, unseen)
     )
+    kept = inertia == "keep" or floating is not None
     question = Question(
-        scene, recordings, effort_at, inertia == "keep", laws or {}, gain or {}, options.without
+        scene,
+        recordings,
+        effort_at,
+        kept,
+        laws or {},
+        gain or {},
+        options.without,
+        floating=floating,
     )
     finished = 0
 

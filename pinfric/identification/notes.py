@@ -534,7 +534,7 @@ def _of_masses(estimate: Estimate) -> list[str]:
 
 
 def _of_motion(estimate: Estimate, slid: Sequence[int]) -> dict[str, list[str]]:
-    names, without = estimate.scene.joint_names, estimate.question.without
+    question, names = estimate.question, estimate.scene.joint_names
     other = "the Coulomb friction of the other direction is used"
 
     def hardly(sign: float) -> list[str]:
@@ -544,10 +544,12 @@ def _of_motion(estimate: Estimate, slid: Sequence[int]) -> dict[str, list[str]]:
 
     return {
         "left out by --without, keeps the scene's friction": [
-            name for name in names if name in without
+            name for name in names if name in question.without
         ],
         "never slides, keeps the scene's friction": [
-            name for j, name in enumerate(names) if j not in slid and name not in without
+            name
+            for j, name in enumerate(names)
+            if j not in slid and name not in (*question.without, *question.base)
         ],
         f"hardly slides forward, {other}": hardly(1.0),
         f"hardly slides backward, {other}": hardly(-1.0),

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from pinfric.errors import IdentificationError, choose_from
+from pinfric.identification.standing import base_joints, motion_on_chain
 from pinfric.model.arrays import BoolArray, FloatArray
 from pinfric.model.couples import drive_rates, rate_rows
 from pinfric.model.floating import stands
@@ -125,12 +126,7 @@ def check_scene(scene: Scene) -> None:
         why = f"this scene has {scene.closed_by}"
     elif len(scene.model.mimicking_joints):
         why = "here joints mimic others; lock them in the scene (robot: locked)"
-    elif stands(scene):
-        why = (
-            "the base floats; identify the legs' friction on a stand, with the scene of the fixed "
-            "base (`floating: false`)"
-        )
-    elif any(joint.nv != 1 for joint in tuple(scene.model.joints)[1:]):
+    elif any(joint.nv != 1 for joint in tuple(scene.model.joints)[1 + stands(scene) :]):
         why = "here a joint has several degrees of freedom"
     if why:
         raise IdentificationError(
@@ -144,8 +140,11 @@ def read_recordings(
     gain: Mapping[str, float],
     payloads: Mapping[str, str],
     options: ReadingOptions,
+    floating: Scene | None = None,
 ) -> tuple[Recording, ...]:
     """Read logs with measured efforts; arguments are those of `identify`.
+
+    `floating`: the scene with the free base that six joints of `scene` stand for.
 
     Raises:
         IdentificationError: no log, one log twice, an effort that is missing, a log too short.
@@ -168,7 +167,7 @@ def read_recordings(
             raise IdentificationError(f"gain {name}={gain[name]:g}: should be finite, not zero")
     if not logs:
         raise IdentificationError("identification needs a log: a motion with measured efforts")
-    recordings = [_read(scene, log, gain, options) for log in logs]
+    recordings = [_read(scene, log, gain, options, floating) for log in logs]
     recordings = [
         replace(recording, name=_label(recordings, logs, number))
         for number, recording in enumerate(recordings)
@@ -206,10 +205,18 @@ def _label(recordings: Sequence[Recording], logs: Sequence[str | Path | Log], nu
 
 
 def _read(
-    scene: Scene, log: str | Path | Log, gain: Mapping[str, float], options: ReadingOptions
+    scene: Scene,
+    log: str | Path | Log,
+    gain: Mapping[str, float],
+    options: ReadingOptions,
+    floating: Scene | None,
 ) -> Recording:
     reads = replace(options, thinning=_THINNING, currents=frozenset(gain))
-    trajectory = read_trajectory(log, scene, reads)
+    if floating is None:
+        trajectory, base = read_trajectory(log, scene, reads), tuple[str, ...]()
+    else:
+        trajectory, base = read_trajectory(log, floating, reads), base_joints(floating)
+        trajectory = motion_on_chain(trajectory, floating)
     name, reading = Path(trajectory.source).name, trajectory.reading
     if reading is None:
         raise IdentificationError(f"{name}: holds way-points; a log has samples and efforts")
@@ -217,7 +224,7 @@ def _read(
         raise IdentificationError(
             f"{name}: {reading.samples} samples can be used; at least {_FEWEST} are needed"
         )
-    measured = [joint for joint in scene.joint_names if joint not in options.without]
+    measured = [joint for joint in scene.joint_names if joint not in (*options.without, *base)]
     missing = [joint for joint in measured if joint not in reading.effort]
     if missing:
         raise IdentificationError(
@@ -233,8 +240,9 @@ def _read(
     if reading.uncertain is not None:
         noise = reading.uncertain.velocity
     else:
-        noise = np.array([reading.noise[joint] for joint in scene.joint_names])
+        noise = np.array([reading.noise.get(joint, 0.0) for joint in scene.joint_names])
         noise = noise * SPLINE_GAINS[0] / step
+    noise[: len(base)] = 0.0  # no row is the base's
     noise = np.abs(rate_rows(scene.drives, noise.size)) @ noise
     # what is not used below would fill much of the memory
     trajectory = replace(trajectory, reading=replace(reading, effort={}, uncertain=None))
@@ -246,7 +254,11 @@ def _read(
             name: np.ascontiguousarray(getattr(trajectory, name)[::stride])
             for name in ("t", "q", "v", "attached")
         }
-        trajectory = replace(trajectory, a=a, **thin)
+        forces = {
+            name: np.column_stack([_THINNING.effort(x, step)[::stride] for x in wrench.T])
+            for name, wrench in trajectory.external.items()
+        }
+        trajectory = replace(trajectory, a=a, external=forces, **thin)
     return Recording.of(scene, name, trajectory, stride * step, effort, noise)
 
 

@@ -192,11 +192,8 @@ def more_known(findings: Findings, most: int) -> list[MoreKnown]:
     def vagueness(parameter: Parameter) -> float:
         return -parameter.standard_error / max(abs(parameter.value), 1e-300)
 
-    keys = [
-        p.key
-        for p in sorted(findings.parameters, key=vagueness)
-        if p.key in findings.advice[0].factors
-    ]
+    known = findings.advice[0].factors if findings.advice else {}
+    keys = [p.key for p in sorted(findings.parameters, key=vagueness) if p.key in known]
     return [
         MoreKnown(k, {advice.name: advice.factors[k] for advice in findings.advice})
         for k in keys[:most]

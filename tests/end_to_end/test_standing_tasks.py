@@ -8,7 +8,6 @@ from standing_cases import LEGS, biped, squat
 
 import pinfric as pf
 from pinfric.errors import (
-    IdentificationError,
     PinfricError,
     RetimeError,
     SizingError,
@@ -40,13 +39,6 @@ def test_what_cannot_take_forces_says_why_in_one_line(case, task, kind, says):
     with pytest.raises(kind, match=says) as refused:
         task(*case)
     assert "\n" not in str(refused.value)
-
-
-def test_legs_are_identified_on_a_stand(case):
-    scene, motion = case
-    log = pf.Log(motion.t, np.zeros((len(motion.t), 6)), np.zeros((len(motion.t), 6)))
-    with pytest.raises(IdentificationError, match="the base floats; identify the legs' friction"):
-        pf.identify(scene, [log])
 
 
 def test_a_sweep_varies_friction_under_the_same_forces(case):

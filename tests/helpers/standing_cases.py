@@ -62,10 +62,10 @@ class Squat(NamedTuple):
     forces: dict[str, np.ndarray]
 
 
-def squat(scene, heading=0.7, count=401, seconds=4.0) -> Squat:
-    """The knees bend from 0.6 to 1.4 rad and back, twice; the feet stay flat where they are."""
+def squat(scene, heading=0.7, count=401, seconds=4.0, times=2) -> Squat:
+    """The knees bend from 0.6 to 1.4 rad and back; the feet stay flat where they are."""
     t = np.linspace(0.0, seconds, count)
-    w = 2.0 * np.pi / (seconds / 2.0)
+    w = 2.0 * np.pi * times / seconds
     bend = [0.3 + 0.2 * (1 - np.cos(w * t)), 0.2 * w * np.sin(w * t), 0.2 * w**2 * np.cos(w * t)]
     b, db, ddb = bend
     z = [

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
+from pinfric.identification.advice import Advice
 from pinfric.identification.identify import Identified
 from pinfric.identification.parameters import Parameter
 from pinfric.identification.summary import IdentifySummary, predicted
@@ -66,20 +67,23 @@ def identify_report(
         without=["section"],
         keys=2,
     )
-    best = identified.advice[0]
-    least = min(best.factors, key=best.factors.__getitem__)
-    advice = (
-        f"most informative next recording, 30 s: {best.name.lower()} (standard error of {least}: "
-        f"{best.factors[least]:.2f} of the present one)"
-    )
+    advice = [_advised(identified.advice[0])] if identified.advice else []
     others = summary.notes[len(summary.doubts) :]
     if not verbose:
         more = f"keys in the scene, rotors, {counted(len(others), 'note')}: -v"
         out = "" if written else "; scene, page: --out FOLDER"
         friction = friction_table(identified)
-        return paragraphs(opening, laws, friction, [*_unseen(summary), advice, f"{more}{out}"])
-    lines = [f"delay of the logged efforts: {identified.estimate.delay}", *others, advice]
+        return paragraphs(opening, laws, friction, [*_unseen(summary), *advice, f"{more}{out}"])
+    lines = [f"delay of the logged efforts: {identified.estimate.delay}", *others, *advice]
     return paragraphs(opening, laws, figures, unseen, lines)
+
+
+def _advised(best: Advice) -> str:
+    least = min(best.factors, key=best.factors.__getitem__)
+    return (
+        f"most informative next recording, 30 s: {best.name.lower()} (standard error of {least}: "
+        f"{best.factors[least]:.2f} of the present one)"
+    )
 
 
 def _unseen(summary: IdentifySummary) -> list[str]:
