@@ -170,7 +170,9 @@ def _bent(model: pin.Model, columns: Sequence[JointColumn], feet: dict[str, Foot
         straight = tool.place(np.clip(np.zeros(len(columns)), low, high)).copy()
         hip = tool.data.oMi[model.supports[tool.joint][2]].translation
         leg = straight.translation - hip
-        goal = pin.SE3(straight.rotation, hip + (1.0 - _BENT) * leg)
+        if abs(leg[2]) > 0.5 * np.linalg.norm(leg):
+            leg[:2] = 0.0  # straight up: an ankle that does not roll keeps its sole flat
+        goal = pin.SE3(straight.rotation, straight.translation - _BENT * leg)
         rows = 6 if feet[name].length else 3
         start, _ = tool.reach(goal, start, rows)
     return start

@@ -127,6 +127,19 @@ def test_a_sole_is_that_of_its_collision_shapes(tmp_path):
     judge(scene, pf.load_trajectory(way_file, scene))
 
 
+def test_an_ankle_that_does_not_roll_squats(tmp_path):
+    """Its sole stays flat only straight below, where hip and foot are not in line."""
+    text = BIPED
+    for side, y in (("left", 0.04), ("right", -0.04)):
+        text = text.replace(f'<joint name="{side}_ankle_roll" axis="1 0 0"/>', "")
+        shifted = f'<body name="{side}_shank" pos="0 {y} -0.3">'
+        text = text.replace(f'<body name="{side}_shank" pos="0 0 -0.3">', shifted)
+    (tmp_path / "walker.xml").write_text(text)
+    scene_file, way_file = write_new(tmp_path / "walker.xml", tmp_path)
+    scene = pf.load_scene(scene_file)
+    judge(scene, pf.load_trajectory(way_file, scene))
+
+
 @pytest.mark.parametrize(
     ("name", "says"),
     [
