@@ -108,6 +108,13 @@ def test_a_long_file_is_parsed_in_parts_to_the_same_numbers(tmp_path, monkeypatc
     assert found.resolution["b"] == pytest.approx(1e-6)
 
 
+def test_a_torn_first_row_of_a_long_file_is_left_out(tmp_path, monkeypatch):
+    monkeypatch.setattr(csv_file, "_SMALL", 0)
+    header, *rows = PLAIN.rstrip().splitlines()
+    motion = load(tmp_path, "\n".join([header, rows[0][:3], *rows[1:]]))
+    assert (motion.reading.dropped, len(motion.t)) == (1, len(rows) - 1)
+
+
 @pytest.mark.parametrize("mark", [",", ";", "\t", " "])
 def test_both_ways_to_read_a_file_give_the_same(mark, tmp_path, monkeypatch):
     """In parts by pandas, and line by line."""

@@ -146,6 +146,8 @@ def _read_in_parts(table: _Table, names: Sequence[str]) -> RawRows | None:
     import pandas as pd
 
     first = cells_of(table.rows[0], table.separator)
+    if len(first) != len(table.header):
+        return None
     places = {table.header.index(name): name for name in names}
     origin = {
         name: int(first[place])
