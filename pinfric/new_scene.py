@@ -25,6 +25,7 @@ from pinfric.checking.estimated_masses import estimated_masses
 from pinfric.checking.joint_loads import JointLoad, held_out_level, joint_loads, two_digits
 from pinfric.checking.robot import RobotFacts
 from pinfric.checking.robot_masses import believed_weight
+from pinfric.dynamics.inverse.standing import stand
 from pinfric.errors import PinfricError, PinfricWarning, RobotError, choose_from
 from pinfric.formats import json_schema
 from pinfric.model.closure import closed_configurations, driving_joints
@@ -47,7 +48,7 @@ from pinfric.motions.joint_columns import (
 )
 from pinfric.motions.rating import rate
 from pinfric.motions.standing_pose import Pose, standing_pose
-from pinfric.motions.trajectory import load_trajectory
+from pinfric.motions.trajectory import Trajectory, load_trajectory
 
 #: Shear stress (Pa) that sizes a shaft for its torque, and its bearings' diameter over its own.
 _SHEAR, _BEARING_OVER_SHAFT = 20e6, 1.5
@@ -463,6 +464,8 @@ def first_command(files: Sequence[Path]) -> tuple[str, list[Path]]:
     """
     motion = [file for file in files if file.name.endswith(".waypoints.yaml")][:1]
     scene = load_scene(files[0])
+    if stands(scene) and motion and not _stands_still(scene, motion[0]):
+        return "check", []
     if not scene.loops:
         without = "check" if stands(scene) else "explain"  # no forces hold a base that floats
         return ("inverse" if motion else without), motion
@@ -473,6 +476,17 @@ def first_command(files: Sequence[Path]) -> tuple[str, list[Path]]:
     except PinfricError:
         pass
     return "check", []
+
+
+def _stands_still(scene: Scene, motion: Path) -> bool:
+    """Whether forces within friction balance a robot at the first sample of its motion."""
+    try:
+        moved = load_trajectory(motion, scene)
+        t, q, v, a = (x[:1] for x in (moved.t, moved.q, moved.v, moved.a))
+        stand(scene, Trajectory.from_arrays(scene, t, q, v, a))
+    except PinfricError:
+        return False
+    return True
 
 
 def _checked(kind: str, text: str) -> str:

@@ -59,9 +59,9 @@ def motion_on_chain(motion: Trajectory, scene: Scene) -> Trajectory:
     """
     if not motion.external:
         raise IdentificationError(
-            f"{motion.source}: holds no forces at the feet, and without them the legs' efforts are "
-            "not known; log these (guide: robots on legs), or identify the legs on a stand "
-            "(`floating: false`)"
+            f"{motion.source}: holds no forces at the feet: without them each equation holds the "
+            "friction of all legs, and joints are fitted one by one; log the forces, or identify "
+            "the legs on a stand (`floating: false`)"
         )
     numbers = base_numbers(motion.q[:, :7])
     if np.abs(numbers[:, POSE.index("pitch")]).max() > MOST_PITCH:

@@ -24,18 +24,20 @@ def hanging_legs(model: pin.Model) -> str:
     """Return that a robot's legs hang by a fixed base, and how to let it stand, or ""."""
     if free_joint(model) or len(found := legs_of(model)) < 2:
         return ""
-    legs, names = len(found), _links(model)
-    base = next(iter(names[0][1:]), "its root")
+    legs, trunk = len(found), _trunk(model)
+    base = next(iter(_links(model)[trunk][1:]), "its root")
+    held = f"{base}, which joints hold to the ground" if trunk else f"the fixed base {base}"
     return (
-        f"{legs} legs hang by the fixed base {base}, and carry only themselves; to let them stand, "
-        "write `floating: true` under `robot` (`pinfric new --floating`) and give the forces at "
+        f"{legs} legs hang by {held}, and carry only themselves; to let them stand, "
+        + "take these joints out of the file, " * bool(trunk)
+        + "write `floating: true` under `robot` (`pinfric new --floating`) and give the forces at "
         "the feet with the motion"
     )
 
 
 def legs_of(model: pin.Model) -> list[list[int]]:
     """Return the joints of each branch from the base that has a word for a part of a leg."""
-    links, root = _links(model), 1 if free_joint(model) else 0
+    links, root = _links(model), _trunk(model)
     branches = (j for j in range(1, model.njoints) if int(model.parents[j]) == root)
     return [
         list(model.subtrees[j])
@@ -43,6 +45,22 @@ def legs_of(model: pin.Model) -> list[list[int]]:
         if model.joints[j].nv <= 1
         and any(_of_leg(name) for k in model.subtrees[j] for name in links[k])
     ]
+
+
+def _trunk(model: pin.Model) -> int:
+    """Return the joint that moves the base: the free one, or the last of a chain from the ground.
+
+    0: the base is fixed, as it is if the chain never branches.
+    """
+    if free_joint(model):
+        return 1
+    children: list[list[int]] = [[] for _ in range(model.njoints)]
+    for j in range(1, model.njoints):
+        children[int(model.parents[j])].append(j)
+    trunk = 0
+    while len(children[trunk]) == 1:
+        trunk = children[trunk][0]
+    return trunk if children[trunk] else 0
 
 
 def _links(model: pin.Model) -> list[list[str]]:

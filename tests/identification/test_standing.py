@@ -102,5 +102,5 @@ def test_what_is_written_stands_again(case, tmp_path):
 
 def test_forces_are_needed(case, tmp_path):
     scene, _, _ = case
-    with pytest.raises(IdentificationError, match="holds no forces at the feet, and without them"):
+    with pytest.raises(IdentificationError, match="no forces at the feet: without them each"):
         pf.identify(scene, written(tmp_path, scene, forces=False))

@@ -49,6 +49,8 @@ def robot(tmp_path, names=("left_hip", "RKnee"), root="fixed"):
         (("left_hip_yaw_joint", "right_knee_joint"), "fixed", True),  # H1, G1
         (("leftHipYaw", "rightKneePitch"), "fixed", True),  # Valkyrie
         (("l_leg_hpz", "r_leg_kny"), "fixed", True),  # Atlas
+        (("left_hip", "RKnee"), "continuous", True),  # Cassie with its base on joints
+        (("left_hip", "arm"), "continuous", False),
         (("left_hip", "arm"), "fixed", False),
         (("chip", "knuckle"), "fixed", False),
         (("left_hip", "RKnee"), "floating", False),
@@ -64,8 +66,13 @@ def test_every_verdict_says_that_legs_hang(tmp_path, names, root, hangs):
     result = pf.inverse_dynamics(scene, motion)
     said = "2 legs hang by the fixed base base, and carry only themselves: to let them stand, "
     said += "write `floating: true`"
+    if root == "continuous":
+        said = (
+            "2 legs hang by trunk, which joints hold to the ground, and carry only themselves: to "
+        )
+        said += "let them stand, take these joints out of the file, write `floating: true`"
     assert (said in verdict(result, inverse_summary(result, ""))) == hangs
-    if root == "fixed":
+    if root != "floating":
         remarks = pf.size(scene, motion, on_miss="ignore").verdict.remarks
         assert any(said in remark for remark in remarks) == hangs
 
