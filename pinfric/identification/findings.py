@@ -88,7 +88,9 @@ class Findings:
         misfits: what residuals still depend on; intervals are widened for it.
         effort_factors: factors on efforts that a known payload shows.
         doubts: what contradicts the result.
-        notes: the doubts, then what was read, repaired, left out, and what the logs cannot show.
+        given: what the result rests on and efforts hardly check: scales, time stamps, zeros.
+        notes: the doubts, what is given, then what was read, repaired, left out, and what the logs
+            cannot show.
         estimate: rows and coefficients behind all this.
     """
 
@@ -104,6 +106,7 @@ class Findings:
     misfits: tuple[Misfit, ...]
     effort_factors: tuple[EffortFactor, ...]
     doubts: tuple[str, ...]
+    given: tuple[str, ...]
     notes: tuple[str, ...]
     estimate: Estimate
 

@@ -97,6 +97,11 @@ class Zero:
         """Whether it is off; beyond pi it is no zero, but an effort that the model lacks."""
         return _ZERO + _SURE * self.standard_error < abs(self.value) < np.pi
 
+    @property
+    def known(self) -> bool:
+        """Whether efforts show that it is not off."""
+        return abs(self.value) + REACH * self.standard_error < _ZERO
+
 
 def gravity_by_efforts(estimate: Estimate) -> Gravity | None:
     """Return gravity's direction and length, links and friction fitted beside it; None: no gravity.

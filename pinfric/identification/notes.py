@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from itertools import chain
 from types import MappingProxyType
 from typing import NamedTuple
 
@@ -61,14 +62,27 @@ _SLIGHT = 0.05
 _OFF = 0.05
 #: Share of a residual's square from which a shape is so large that it looks like other errors.
 _LARGE = 0.3
+#: rad or m within which an angle that passed the filter is the same.
+_SAME = 1e-9
+#: What is said of joints that never move by their angles, but whose efforts change.
+_FROZEN = (
+    "its angle never changes, though its effort does: held still, or is its angle not read? The "
+    "other joints' friction rests on it"
+)
 #: How much larger an error may be than that of least squares without a word.
 _WORSE = 0.03
 
 
 class Notes(NamedTuple):
-    """What is said of an identification: what contradicts it, and all else."""
+    """What is said of an identification.
+
+    Attributes:
+        doubts: what contradicts it. given: what it rests on and efforts hardly check. others: the
+            rest.
+    """
 
     doubts: tuple[str, ...]
+    given: tuple[str, ...]
     others: tuple[str, ...]
 
 
@@ -162,10 +176,10 @@ def notes(
     }
     clear, slight = ([x for x in shapes if (x.share > _SLIGHT) is named] for named in (True, False))
     lines += _misfits(estimate, slight)
-    geometry, of_geometry = _geometry(estimate, _by_joint(contradicting), clear)
-    lines += of_geometry
+    geometry = _geometry(estimate, _by_joint(contradicting), clear)
+    lines += geometry.others
     doubts = (
-        geometry
+        list(geometry.doubts)
         + _contacts(estimate)
         + _by_joint(contradicting)
         + _misfits(estimate, clear)
@@ -175,14 +189,15 @@ def notes(
     doubts += _payload_factors([x for x in factors if x.wrong])
     other_scales, small_scales = _scales(estimate, clear)
     doubts += _delays(estimate) + other_scales
-    lines += small_scales
+    still = [name for j, name in enumerate(names) if j not in slid and _frozen(estimate, j)]
+    given = [*_by_joint({_FROZEN: still}), *small_scales, *geometry.given]
     if estimate.question.no_gravity:
         doubts.append(
             "the efforts hold no gravity (their controller takes it off): friction was fitted with "
             "loads from the URDF's masses, and no inertias are written"
         )
     doubts += [] if estimate.question.inertias_stay else _by_joint(_of_links(estimate))
-    return Notes(tuple(doubts), tuple(lines))
+    return Notes(tuple(doubts), tuple(given), tuple(lines))
 
 
 def _frictionless(rows: Rows, off: FloatArray, slots: FloatArray) -> bool:
@@ -190,6 +205,16 @@ def _frictionless(rows: Rows, off: FloatArray, slots: FloatArray) -> bool:
     friction = rows.slots @ np.where(np.arange(K) == INERTIA, 0.0, slots)
     size = rows.effort @ rows.effort
     return bool(friction @ friction < _LEAST_FRICTION**2 * size and off @ off < _MISSED**2 * size)
+
+
+def _frozen(estimate: Estimate, j: int) -> bool:
+    """Whether a joint's angle never changes in any log, though its effort does."""
+    logs = estimate.question.recordings
+    efforts = np.concatenate([log.effort[:, j] for log in logs])
+    efforts = efforts[np.isfinite(efforts)]
+    return all(np.ptp(log.position[:, j]) < _SAME for log in logs) and bool(
+        efforts.size and np.ptp(efforts) > 0.0
+    )
 
 
 def _by_joint(what: Mapping[str, list[str]]) -> list[str]:
@@ -322,20 +347,23 @@ def _tilt(gravity: Gravity | None) -> list[str]:
     ]
 
 
-def _time(low: float, high: float, by: str, wrong: bool) -> tuple[list[str], list[str]]:
-    """What efforts tell of the time stamps: doubts, and other lines.
+def _time(low: float, high: float, by: str, wrong: bool) -> Notes:
+    """What efforts tell of the time stamps.
 
     `low`, `high`: 95 % interval of stamped time over true time.
     """
     reach = f"[{low:.3g}, {high:.3g}]" if np.isfinite(high) else f"{low:.3g} or more"
     told = f"stamped time over true time is {reach} {by}; viscous friction is proportional to it"
     if wrong:
-        return [f"{told}: is the unit or rate of the time stamps wrong, or are masses?"], []
-    return [], [told]
+        told += ": is the unit or rate of the time stamps wrong, or are masses?"
+        return Notes((told,), (), ())
+    if low < 1.0 - _OFF or high > 1.0 + _OFF:
+        return Notes((), (f"time stamps are taken as given: {told}",), ())
+    return Notes((), (), (told,))
 
 
-def _zeros(zeros: Sequence[Zero], names: Sequence[str], fits: bool) -> tuple[list[str], list[str]]:
-    """What efforts tell of the zeros of angles, with the links free: doubts, and other lines.
+def _zeros(zeros: Sequence[Zero], names: Sequence[str], fits: bool) -> Notes:
+    """What efforts tell of the zeros of angles, with the links free.
 
     `fits`: whether any is doubted.
     """
@@ -345,16 +373,17 @@ def _zeros(zeros: Sequence[Zero], names: Sequence[str], fits: bool) -> tuple[lis
             f"{names[x.joint]} {x.value:.2f} +- {REACH * x.standard_error:.2f}" for x in own
         )
 
-    off, other = ([x for x in zeros if (fits and x.off) is wrong] for wrong in (True, False))
-    doubts = [
+    off = [x for x in zeros if fits and x.off]
+    open_ = [x for x in zeros if fits and not (x.off or x.known)]
+    other = [x for x in zeros if x not in off and x not in open_]
+    doubt = (
         f"the logged angle is larger than the true one by so many rad: {said(off)}; `offset` in a "
         "file given by --columns moves its zero"
-    ]
-    lines = [
-        "with free masses, so many rad are known of how far zeros of angles are off (links take "
-        f"an offset up, and friction hardly changes): {said(other)}"
-    ]
-    return doubts * bool(off), lines * bool(other)
+    )
+    told = "by efforts, with free masses, angles are too large by so many rad"
+    given = f"zeros of angles are taken as given: {told}: {said(open_)}"
+    rest = f"{told}: {said(other)}"
+    return Notes((doubt,) * bool(off), (given,) * bool(open_), (rest,) * bool(other))
 
 
 def _contacts(estimate: Estimate) -> list[str]:
@@ -371,7 +400,7 @@ def _contacts(estimate: Estimate) -> list[str]:
 
 
 def _scales(estimate: Estimate, shapes: Sequence[Misfit]) -> tuple[list[str], list[str]]:
-    """That one joint's effort has another scale than the others': doubts, and other lines.
+    """That one joint's effort has another scale than the others': doubts, and what is given.
 
     A joint whose residual a shape explains better has none: what it lacks may look like a scale.
     """
@@ -405,10 +434,8 @@ def _scales(estimate: Estimate, shapes: Sequence[Misfit]) -> tuple[list[str], li
     return doubts * bool(wrong), lines * bool(small)
 
 
-def _geometry(
-    estimate: Estimate, others: Sequence[str], shapes: Sequence[Misfit]
-) -> tuple[list[str], list[str]]:
-    """What efforts tell of gravity, time stamps and zeros: doubts, and other lines.
+def _geometry(estimate: Estimate, others: Sequence[str], shapes: Sequence[Misfit]) -> Notes:
+    """What efforts tell of gravity, time stamps and zeros.
 
     Beside a large misfit of friction neither stamps nor zeros are doubted: it looks like them. Nor
     are zeros beside `others`, doubts of the model.
@@ -416,11 +443,12 @@ def _geometry(
     fits = all(shape.share < _LARGE for shape in shapes)
     question, names = estimate.question, estimate.scene.joint_names
     gravity = gravity_by_efforts(estimate)
-    told = [(_tilt(gravity), list[str]())]
+    told = [Notes(tuple(_tilt(gravity)), (), ())]
     if question.keep_inertias:
         arguments = estimate.prepared, estimate.rows, estimate.fit, estimate.problem.weights
         scales, whole = inertia_scales(question.scene, *arguments)
-        told.append((_inertias({names[j]: scales[j] for j in estimate.known if j in scales}), []))
+        own = _inertias({names[j]: scales[j] for j in estimate.known if j in scales})
+        told.append(Notes(tuple(own), (), ()))
         if whole is not None:
             ends = (max(whole[0] + way * whole[1], 0.0) for way in (-1.0, 1.0))
             low, high = (float(np.sqrt(end)) for end in ends)
@@ -431,8 +459,7 @@ def _geometry(
             _time(*gravity.time(), "by gravity", fits and gravity.off_the_clock),
             _zeros(zeros_by_efforts(estimate), names, fits and not others),
         ]
-    doubts, lines = zip(*told, strict=True)
-    return [x for own in doubts for x in own], [x for own in lines for x in own]
+    return Notes(*(tuple(chain.from_iterable(own)) for own in zip(*told, strict=True)))
 
 
 def _inertias(scales: Mapping[str, tuple[float, float]]) -> list[str]:

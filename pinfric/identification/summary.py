@@ -114,8 +114,9 @@ class IdentifySummary:
     inertias: str = quantity('link inertias: "kept" from the URDF, or "corrected"')
     advice: tuple[Advice, ...] = quantity("recordings of 30 s, the most informative one first")
     doubts: tuple[str, ...] = quantity("what contradicts the result")
+    given: tuple[str, ...] = quantity("what the result rests on and efforts hardly check")
     notes: tuple[str, ...] = quantity(
-        "the doubts, repairs of the logs, and what the logs do not determine"
+        "doubts, what is given, repairs of the logs, and what the logs do not determine"
     )
 
 

@@ -9,7 +9,7 @@ from identify_cases import excitation, guess, logged, motor_effort, truth
 
 import pinfric as pf
 from pinfric.identification.geometry import Gravity, Zero, gravity_by_efforts, zeros_by_efforts
-from pinfric.identification.notes import _geometry, _zeros
+from pinfric.identification.notes import _geometry, _time, _zeros
 
 
 @pytest.mark.parametrize("angle", [12.0, pytest.param(4.0, marks=pytest.mark.slow)])
@@ -40,9 +40,9 @@ def test_time_and_zeros_are_told_as_far_as_logs_know_them(found):
     zeros = zeros_by_efforts(found.estimate)
     assert [x.joint for x in zeros] == [1, 2, 3, 4, 5]  # the first axis is upright
     assert not any(x.off or abs(x.value) > 3.0 * x.standard_error for x in zeros)
-    said = "how far zeros of angles are off"
-    (line,) = (note for note in found.notes if said in note)
-    assert all(found.scene.joint_names[x.joint] in line for x in zeros)
+    said = [note for note in found.notes if "angles are too large by so many rad" in note]
+    assert 1 <= len(said) <= 2  # as given, and as shown
+    assert all(found.scene.joint_names[x.joint] in " ".join(said) for x in zeros)
     assert not any("stamped" in x or "logged angle" in x for x in found.doubts)
 
 
@@ -79,11 +79,30 @@ def test_gravity_that_is_not_known_tells_no_end_of_the_time():
 
 def test_beside_a_large_misfit_of_friction_zeros_and_stamps_are_no_doubt(found):
     off, names = Zero(1, 0.4, 0.05), ["base", "shoulder"]
-    doubts, lines = _zeros([off], names, True)
+    doubts, given, lines = _zeros([off], names, True)
     assert "shoulder 0.40 +- 0.10" in doubts[0]
-    assert not lines
-    doubts, lines = _zeros([off], names, False)
-    assert not doubts
+    assert not given + lines
+    doubts, given, lines = _zeros([off], names, False)
+    assert not doubts + given
     assert "shoulder 0.40 +- 0.10" in lines[0]
     assert not any(x.share > 0.3 for x in found.misfits)
-    assert _geometry(found.estimate, [], found.misfits)[0] == []
+    assert _geometry(found.estimate, [], found.misfits).doubts == ()
+
+
+def test_what_efforts_hardly_check_is_given_and_what_they_show_is_a_note():
+    names = ["base", "shoulder"]
+    doubts, (given,), (known,) = _zeros([Zero(1, 0.1, 0.17), Zero(0, 0.0, 0.02)], names, True)
+    assert not doubts
+    assert given.startswith("zeros of angles are taken as given: ")
+    assert given.endswith(": shoulder 0.10 +- 0.33")
+    assert known.endswith(": base 0.00 +- 0.04")
+    for low, high, place in ((0.92, 1.32, 1), (0.97, 1.03, 2), (1.2, 1.5, 0)):
+        said = _time(low, high, "by gravity", place == 0)
+        assert [len(x) for x in said] == [place == k for k in range(3)]
+    assert (
+        _time(0.92, 1.32, "by gravity", False)
+        .given[0]
+        .startswith(
+            "time stamps are taken as given: stamped time over true time is [0.92, 1.32] by gravity"
+        )
+    )

@@ -53,6 +53,8 @@ def test_the_short_report_is_a_screen_with_all_doubts_and_the_long_one_has_all_n
     assert words.count("! ") == len(found.doubts)
     assert "-v; scene, page: --out FOLDER" in words
     assert "--out" not in printed(False, True)  # these files are written
+    assert found.given
+    assert all(line[:60] in words for line in found.given)
     assert "one log only" not in words
     assert "one log only" in " ".join(printed(True).split())
 

@@ -295,6 +295,11 @@ def test_a_joint_that_never_moves_keeps_what_the_scene_says():
     assert f"keeps the scene's friction: {NAMES[2]}" in "\n".join(found.notes)
     assert found.scene.friction[NAMES[2]] == guess(1).friction[NAMES[2]]
     assert all(p.joint != NAMES[2] for p in found.parameters)
+    moves = short(still=(2,))
+    frozen = replace(moves, q=np.where(np.arange(6) == 2, moves.q[0], moves.q))
+    said = pf.identify(guess(1), frozen, laws=PLAIN).given
+    (line,) = (line for line in said if line.startswith("its angle never changes"))
+    assert line.endswith(f": {NAMES[2]}")
 
 
 # Normal: least squares from summed normal equations.

@@ -70,10 +70,12 @@ def identify_report(
     advice = [_advised(identified.advice[0])] if identified.advice else []
     others = summary.notes[len(summary.doubts) :]
     if not verbose:
-        more = f"keys in the scene, rotors, {counted(len(others), 'note')}: -v"
+        fewer = counted(len(others) - len(summary.given), "note")
+        more = f"keys in the scene, rotors, {fewer}: -v"
         out = "" if written else "; scene, page: --out FOLDER"
         friction = friction_table(identified)
-        return paragraphs(opening, laws, friction, [*_unseen(summary), *advice, f"{more}{out}"])
+        closing = [*_unseen(summary), *advice, f"{more}{out}"]
+        return paragraphs(opening, laws, friction, summary.given, closing)
     lines = [f"delay of the logged efforts: {identified.estimate.delay}", *others, *advice]
     return paragraphs(opening, laws, figures, unseen, lines)
 
