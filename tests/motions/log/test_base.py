@@ -100,6 +100,61 @@ def test_a_log_has_base_and_feet(tmp_path, name):
     assert any("quaternion x, y, z, w" in note for note in motion.warnings)
 
 
+@pytest.mark.parametrize("kind", ["nav_msgs/msg/Odometry", "geometry_msgs/msg/PoseStamped"])
+def test_a_bag_has_base_and_feet(tmp_path, kind):
+    """Their messages come at other times than the joints'; a quaternion changes its sign."""
+    from rosbags.rosbag2 import StoragePlugin, Writer
+    from rosbags.typesys import Stores, get_typestore
+
+    scene, case, _ = recorded(tmp_path)
+    types = get_typestore(Stores.LATEST)
+    make, (q, t) = types.types, (case.motion.q, case.motion.t)
+
+    def header(at):
+        at = 1_700_000_000_000_000_000 + round(at * 1e9)
+        stamp = make["builtin_interfaces/msg/Time"](sec=at // 10**9, nanosec=at % 10**9)
+        return at, make["std_msgs/msg/Header"](stamp=stamp, frame_id="")
+
+    def vector(name, *numbers):
+        return make[f"geometry_msgs/msg/{name}"](*map(float, numbers))
+
+    kinds = {"/joint_states": "sensor_msgs/msg/JointState", "/odom": kind}
+    kinds |= {f"/{foot}/wrench": "geometry_msgs/msg/WrenchStamped" for foot in FEET}
+    later = np.minimum(t + 0.002, t[-1])  # linear between samples 10 ms apart
+    with Writer(tmp_path / "bag", version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        to = {x: writer.add_connection(x, own, typestore=types) for x, own in kinds.items()}
+        for i in range(len(t)):
+            names, none = [name for name in scene.joint_names if name != "root_joint"], np.zeros(0)
+            place = q[i, :7] if i == len(t) - 1 else q[i, :7] + 0.2 * (q[i + 1, :7] - q[i, :7])
+            point, turn = place[:3], (-1) ** i * place[3:]
+            pose = make["geometry_msgs/msg/Pose"](
+                vector("Point", *point), vector("Quaternion", *turn)
+            )
+            made = {"/joint_states": (t[i], (names, q[i, 7:], none, none))}
+            if kind.endswith("Odometry"):
+                covered = make["geometry_msgs/msg/PoseWithCovariance"](pose, np.zeros(36))
+                still = make["geometry_msgs/msg/Twist"](
+                    vector("Vector3", 0, 0, 0), vector("Vector3", 0, 0, 0)
+                )
+                moved = make["geometry_msgs/msg/TwistWithCovariance"](still, np.zeros(36))
+                made["/odom"] = later[i], ("base", covered, moved)
+            else:
+                made["/odom"] = later[i], (pose,)
+            for foot in FEET:
+                f = case.forces[foot][i]
+                wrench = vector("Vector3", *f[:3]), vector("Vector3", *f[3:])
+                made[f"/{foot}/wrench"] = t[i], (make["geometry_msgs/msg/Wrench"](*wrench),)
+            for topic, (at, content) in made.items():
+                stamp, head = header(at)
+                message = make[kinds[topic]](head, *content)
+                writer.write(to[topic], stamp, types.serialize_cdr(message, kinds[topic]))
+    motion = pf.load_trajectory(tmp_path / "bag", scene)
+    assert list(motion.external) == list(FEET)
+    np.testing.assert_allclose(motion.q, q, atol=2e-5)
+    for foot in FEET:
+        np.testing.assert_allclose(motion.external[foot], case.forces[foot], atol=1e-9)
+
+
 def test_noise_is_filtered_as_any_joints(tmp_path):
     scene, case, columns = recorded(tmp_path, noise=1e-4)
     motion = pf.load_trajectory(write(tmp_path, columns), scene)

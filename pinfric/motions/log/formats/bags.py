@@ -6,6 +6,7 @@ from array import array
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import islice
+from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +23,14 @@ from pinfric.motions.log.frame import OpenedLog, arrays_log, check_size
 JOINT_STATE = "sensor_msgs/msg/JointState"
 #: Endings of the quantities' columns, as the reader names them, and the messages' fields.
 _FIELDS = {"": "position", "/velocity": "velocity", "/effort": "effort"}
+#: Messages that tell a free base's pose or the forces on a frame: their vectors, x, y, z (, w).
+_BESIDE = {
+    "nav_msgs/msg/Odometry": ("pose.pose.position", "pose.pose.orientation"),
+    "geometry_msgs/msg/PoseStamped": ("pose.position", "pose.orientation"),
+    "geometry_msgs/msg/WrenchStamped": ("wrench.force", "wrench.torque"),
+}
+#: Steps between a topic's messages beyond its ends up to which its first and last one hold.
+_HOLDS = 3.0
 #: Messages of a topic that say which joints it has.
 _FEW = 100
 
@@ -60,6 +69,7 @@ def open_bag(path: Path, joint_names: Sequence[str] = ()) -> OpenedLog:
     """Read the joint states of a bag: of the topic that names most of the joints.
 
     Times are those of the messages' headers; where these stand still, those of their reception.
+    Poses and wrenches (`_BESIDE`) are interpolated to them.
 
     Raises:
         TrajectoryError: damaged, no joint states, several topics to choose from, no `rosbags`.
@@ -76,6 +86,7 @@ def open_bag(path: Path, joint_names: Sequence[str] = ()) -> OpenedLog:
             topics = [f"{c.topic} ({c.msgtype})" for c in reader.connections]
             topic = _chosen_topic(path, reader, topics, joint_names)
             times, groups = _joint_states(path, reader, topic)
+            beside = _beside(reader, times)
     except TrajectoryError:
         raise
     except Exception as problem:  # SQLite's, struct's, zstd's, ...: whatever a cut file ends in
@@ -95,6 +106,7 @@ def open_bag(path: Path, joint_names: Sequence[str] = ()) -> OpenedLog:
         columns |= {
             joint + ending: column for joint, column in values.items() if not np.isnan(column).all()
         }
+    columns |= beside
     others = [other for other in topics if not other.startswith(f"{topic} (")]
     notes = (f"joint states of topic {topic}; other topics: {listing(others)}",) if others else ()
     return arrays_log(columns, {"t": "ns"}, notes, recorded=True)
@@ -119,6 +131,44 @@ def _chosen_topic(path: Path, reader: Any, topics: list[str], joint_names: Seque
             "them: `ros2 bag convert`, `rosbag filter`, or a CSV file"
         )
     return best[0]
+
+
+def _beside(reader: Any, times: IntArray) -> dict[str, NDArray[Any]]:
+    """Return the columns of poses and wrenches at times (ns), NaN where a topic has no message."""
+    columns: dict[str, NDArray[Any]] = {}
+    for connection in reader.connections:
+        vectors = _BESIDE.get(connection.msgtype, ())
+        if not vectors or connection.msgcount < 2:
+            continue
+        topic = connection.topic.removesuffix("/wrench")
+        names = [
+            (vector, part, f"{topic}/{vector.replace('.', '/')}/{part}")
+            for vector in vectors
+            for part in ("xyzw" if vector.endswith("orientation") else "xyz")
+        ]
+        stamps, rows = list[int](), list[list[float]]()
+        for _, _, raw in reader.messages(connections=[connection]):
+            message = reader.deserialize(raw, connection.msgtype)
+            stamp = message.header.stamp
+            stamps.append(stamp.sec * 1_000_000_000 + stamp.nanosec)
+            rows.append(
+                [float(attrgetter(f"{vector}.{part}")(message)) for vector, part, _ in names]
+            )
+        # whole ns are too long for a float
+        own, at = ((np.array(x) - times[0]).astype(np.float64) for x in (stamps, times))
+        order, values = np.argsort(own, kind="stable"), np.array(rows)
+        own, values = own[order], values[order]
+        reach = _HOLDS * float(np.median(np.diff(own)))
+        there = (at >= own[0] - reach) & (at <= own[-1] + reach)
+        if connection.msgtype != "geometry_msgs/msg/WrenchStamped":
+            turn = values[:, 3:]  # q and -q are one attitude
+            turned = np.cumprod(np.where((turn[1:] * turn[:-1]).sum(axis=1) < 0.0, -1.0, 1.0))
+            turn[1:] *= turned[:, None]
+        found = np.stack([np.where(there, np.interp(at, own, x), np.nan) for x in values.T])
+        if connection.msgtype != "geometry_msgs/msg/WrenchStamped":
+            found[3:] /= np.linalg.norm(found[3:], axis=0)
+        columns |= {name: x for (_, _, name), x in zip(names, found, strict=True)}
+    return columns
 
 
 def _joint_states(
