@@ -643,7 +643,7 @@ def test_no_kernel_is_compiled_or_interpreted_after_a_solver_is_made():
 
 
 #: Kernels that a solver of an open chain compiles from an empty cache: a third of a second each.
-KERNELS = 99
+KERNELS = 100
 ARE_REACHED = """
 import pinfric as pf
 from pinfric.kernels.compiled import _KERNELS
