@@ -114,12 +114,8 @@ def gravity_scales(
     between driving and driven change s by up to d/2. Joints whose logs do not determine s are left
     out.
     """
-    parts, scales = gravity_efforts(scene.model, scene, logs), {}
-    carried = [log.payload[log.kept] for log in logs]
-    slots = [*_OWN, GEARS["motor", "both"]]
-    for j, own in enumerate(rows):
-        G = at_rows(parts, logs, j)
-        inertia = own.load - at_rows(carried, logs, j) - G
+    scales, slots = {}, [*_OWN, GEARS["motor", "both"]]
+    for j, own, G, inertia in _rigid_parts(scene, logs, rows):
         found = _scale(own, G, np.column_stack((inertia, own.slots[:, slots])))
         if found is not None and found.share > _LEAST_LOAD and found.reach < _UNKNOWN:
             scales[j] = found.value, found.reach
@@ -137,12 +133,9 @@ def inertia_scales(
     the posture, which no rotor's does. Then one s of all joints, `weights` their (nj,): s is the
     square of stamped over true time; None: no joint's rows tell it.
     """
-    parts, scales, products = gravity_efforts(scene.model, scene, logs), {}, list[FloatArray]()
-    carried = [log.payload[log.kept] for log in logs]
-    for j, own in enumerate(rows):
+    scales, products = {}, list[FloatArray]()
+    for j, own, G, inertia in _rigid_parts(scene, logs, rows):
         slots = [*_OWN, *np.flatnonzero(fit.slots[j])]
-        G = at_rows(parts, logs, j)
-        inertia = own.load - at_rows(carried, logs, j) - G
         found = _scale(own, inertia, np.column_stack((G, own.slots[:, slots])))
         if found is not None:
             scales[j] = found.value, found.reach
@@ -153,6 +146,17 @@ def inertia_scales(
     for one in products:
         whole[: len(one)] += one
     return scales, _factor(whole)
+
+
+def _rigid_parts(
+    scene: Scene, logs: Sequence[Prepared], rows: Sequence[Rows]
+) -> Iterator[tuple[int, Rows, FloatArray, FloatArray]]:
+    """Yield each joint, its rows, and the parts of its links' effort: gravity, and what is left."""
+    gravity = gravity_efforts(scene.model, scene, logs)
+    carried = [log.payload[log.kept] for log in logs]
+    for j, own in enumerate(rows):
+        G = at_rows(gravity, logs, j)
+        yield j, own, G, own.load - at_rows(carried, logs, j) - G
 
 
 class _Scale(NamedTuple):

@@ -180,6 +180,7 @@ def notes(
     lines += geometry.others
     doubts = (
         list(geometry.doubts)
+        + _unbalanced(estimate)
         + _contacts(estimate)
         + _by_joint(contradicting)
         + _misfits(estimate, clear)
@@ -384,6 +385,17 @@ def _zeros(zeros: Sequence[Zero], names: Sequence[str], fits: bool) -> Notes:
     given = f"zeros of angles are taken as given: {told}: {said(open_)}"
     rest = f"{told}: {said(other)}"
     return Notes((doubt,) * bool(off), (given,) * bool(open_), (rest,) * bool(other))
+
+
+def _unbalanced(estimate: Estimate) -> list[str]:
+    """Logs whose forces at the feet do not balance the base."""
+    logs = [log for log in estimate.question.recordings if log.left_at_base]
+    return [
+        f"{log.name}: the forces at the feet do not balance the motion: they leave "
+        f"{100 * log.left_at_base:.3g} % of the weight at the base; is one in another unit, or was "
+        "a contact not logged?"
+        for log in logs
+    ]
 
 
 def _contacts(estimate: Estimate) -> list[str]:

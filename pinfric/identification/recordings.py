@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from pinfric.errors import IdentificationError, choose_from
-from pinfric.identification.standing import base_joints, motion_on_chain
+from pinfric.identification.standing import base_joints, left_at_base, motion_on_chain
 from pinfric.model.arrays import BoolArray, FloatArray
 from pinfric.model.couples import drive_rates, rate_rows
 from pinfric.model.floating import stands
@@ -47,6 +47,7 @@ class Recording:
         effort: (T, nv) measured, N m or N at the joint; NaN where there is none.
         noise: (nv,) standard deviation of the velocities, rad/s or m/s.
         rates: (nv, nv) S of `model.couples`, the identity without couples.
+        left_at_base: see `standing.left_at_base`; 0 where the base is fixed.
     """
 
     name: str
@@ -57,6 +58,7 @@ class Recording:
     effort: FloatArray
     noise: FloatArray
     rates: FloatArray
+    left_at_base: float = 0.0
 
     @cached_property
     def position(self) -> FloatArray:
@@ -212,11 +214,11 @@ def _read(
     floating: Scene | None,
 ) -> Recording:
     reads = replace(options, thinning=_THINNING, currents=frozenset(gain))
-    if floating is None:
-        trajectory, base = read_trajectory(log, scene, reads), tuple[str, ...]()
-    else:
-        trajectory, base = read_trajectory(log, floating, reads), base_joints(floating)
-        trajectory = motion_on_chain(trajectory, floating)
+    trajectory = read_trajectory(log, floating or scene, reads)
+    base, left = tuple[str, ...](), 0.0
+    if floating is not None:
+        base, moved = base_joints(floating), motion_on_chain(trajectory, floating)
+        trajectory, left = moved, left_at_base(trajectory, floating)
     name, reading = Path(trajectory.source).name, trajectory.reading
     if reading is None:
         raise IdentificationError(f"{name}: holds way-points; a log has samples and efforts")
@@ -259,7 +261,8 @@ def _read(
             for name, wrench in trajectory.external.items()
         }
         trajectory = replace(trajectory, a=a, external=forces, **thin)
-    return Recording.of(scene, name, trajectory, stride * step, effort, noise)
+    recording = Recording.of(scene, name, trajectory, stride * step, effort, noise)
+    return replace(recording, left_at_base=left)
 
 
 def _carrying(scene: Scene, recording: Recording, payload: str | None) -> Recording:

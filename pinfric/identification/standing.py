@@ -11,7 +11,8 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 
-from pinfric.errors import IdentificationError
+from pinfric.dynamics.inverse.inverse import inverse_dynamics
+from pinfric.errors import IdentificationError, StateError
 from pinfric.model.floating import MOST_PITCH, POSE, base_numbers, base_rates, free_joint
 from pinfric.model.scene import Scene
 from pinfric.model.schema import Actuator
@@ -79,6 +80,19 @@ def motion_on_chain(motion: Trajectory, scene: Scene) -> Trajectory:
     )
 
 
+def left_at_base(motion: Trajectory, scene: Scene) -> float:
+    """Return the share of the weight that forces at the feet leave at the base; 0: within `LIMIT`.
+
+    Raises:
+        IdentificationError: they would balance it in other axes, or with the other sign.
+    """
+    try:
+        balance = inverse_dynamics(scene.with_(friction={}), motion).balance
+    except StateError as problem:
+        raise IdentificationError(f"{motion.source}: {problem}") from None
+    return 0.0 if balance is None or balance.within else balance.share
+
+
 def _chain_model(model: pin.Model, names: tuple[str, ...]) -> pin.Model:
     chain, place = pin.Model(), {0: 0}
     chain.name, chain.gravity = model.name, model.gravity
@@ -102,6 +116,7 @@ def _chain_model(model: pin.Model, names: tuple[str, ...]) -> pin.Model:
             model.upperPositionLimit[first:last],
         )
         chain.appendBodyToJoint(place[j], model.inertias[j], pin.SE3.Identity())
+    chain.armature = model.armature  # columns of v are the same
     for frame in model.frames[1:]:
         chain.addFrame(
             pin.Frame(

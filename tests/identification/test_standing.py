@@ -15,8 +15,11 @@ COULOMB, VISCOUS = 2.0, 0.8
 POSE = "/odom/pose/pose/"
 
 
-def written(folder, scene, seed=1, forces=True):
-    """A log of 24 squats in 40 s, its efforts by Pinocchio, friction, and noise of .3 N m."""
+def written(folder, scene, seed=1, forces=True, times=1.0):
+    """A log of 24 squats in 40 s, its efforts by Pinocchio, friction, and noise of .3 N m.
+
+    `times`: factor on the forces that it holds.
+    """
     case, rng = squat(scene, count=5001, seconds=40.0, times=24), np.random.default_rng(seed)
     q, v, a = case.motion.q, case.motion.v, case.motion.a
     legs = efforts(scene.model, q, v, a, case.forces)[:, 6:]
@@ -28,8 +31,8 @@ def written(folder, scene, seed=1, forces=True):
     columns |= {f"{name}/effort": effort for name, effort in zip(LEGS, legs.T, strict=True)}
     for foot in FEET if forces else ():
         for k, part in enumerate("xyz"):
-            columns[f"/{foot}/wrench/force/{part}"] = case.forces[foot][:, k]
-            columns[f"/{foot}/wrench/torque/{part}"] = case.forces[foot][:, 3 + k]
+            columns[f"/{foot}/wrench/force/{part}"] = times * case.forces[foot][:, k]
+            columns[f"/{foot}/wrench/torque/{part}"] = times * case.forces[foot][:, 3 + k]
     pd.DataFrame(columns).to_csv(folder / "log.csv", index=False)
     return folder / "log.csv"
 
@@ -45,6 +48,9 @@ def case(tmp_path_factory):
 def test_six_joints_move_as_the_free_base(tmp_path):
     """Efforts of the legs are those of the free base; of the six, what the forces leave of it."""
     scene = pf.load_scene(biped(tmp_path))
+    model = scene.model.copy()
+    model.armature = np.r_[np.zeros(6), 0.1 * np.arange(1.0, 7.0)]
+    scene = scene.with_(model=model)
     motion = squat(scene).motion
     tilted = motion.q.copy()
     turn = pin.Quaternion(pin.rpy.rpyToMatrix(0.3, -0.4, 0.0)).coeffs()
@@ -104,3 +110,13 @@ def test_forces_are_needed(case, tmp_path):
     scene, _, _ = case
     with pytest.raises(IdentificationError, match="no forces at the feet: without them each"):
         pf.identify(scene, written(tmp_path, scene, forces=False))
+
+
+def test_forces_that_do_not_balance_the_base_are_doubted_or_refused(case, tmp_path):
+    """As `inverse` says: a fifth too low, and with the other sign."""
+    scene, _, _ = case
+    found = pf.identify(scene, written(tmp_path, scene, times=0.8))
+    (line,) = [line for line in found.doubts if "do not balance the motion" in line]
+    assert "they leave 20 % of the weight" in line
+    with pytest.raises(IdentificationError, match="with the other sign, as forces of the ground"):
+        pf.identify(scene, written(tmp_path, scene, times=-1.0))
