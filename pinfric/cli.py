@@ -853,12 +853,12 @@ def new(
         files = write_new(urdf, out, payload, link, **given)
         scene = payload is not None or mass is not None or floating
         report = check(files[0]) if scene else check(urdf, arguments)
-        command, motion = first_command(files)
-        stands = bool(load_scene(files[0]).feet)  # `size` does not take it
+        started = load_scene(files[0])
+        command, motion = first_command(started, files)
     show(doubts(report))
     for file in files:
         print_line(f"wrote {file}")
-    if mass is None and not stands:
+    if mass is None and not started.feet:  # `size` does not take what stands on its feet
         print_line(
             "do the links' masses hold the motors and gears? Write `robot.masses`: until then "
             "`size` tries both and takes the heavier drives"

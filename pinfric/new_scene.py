@@ -35,7 +35,6 @@ from pinfric.model.legs import legs_of
 from pinfric.model.massless import massless_joints
 from pinfric.model.robot import Robot, link_frame, locator, read_robot, robot_text, urdf_file
 from pinfric.model.scene import Scene
-from pinfric.model.scene_file import load_scene
 from pinfric.model.schema import Payload
 from pinfric.model.urdf import UrdfDynamics
 from pinfric.model.yamlfile import yaml_line
@@ -456,14 +455,15 @@ def write_new(
     return [folder / file for file in contents]
 
 
-def first_command(files: Sequence[Path]) -> tuple[str, list[Path]]:
+def first_command(scene: Scene, files: Sequence[Path]) -> tuple[str, list[Path]]:
     """Return a command that runs with the files of `write_new`, and the motion that it takes.
+
+    `scene` is that of the first file.
 
     Mechanisms of many joints may not follow their first motion; without one, `explain` tries
     states at random, in which loops would not close.
     """
     motion = [file for file in files if file.name.endswith(".waypoints.yaml")][:1]
-    scene = load_scene(files[0])
     if stands(scene) and motion and not _stands_still(scene, motion[0]):
         return "check", []
     if not scene.loops:

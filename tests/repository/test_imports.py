@@ -148,9 +148,10 @@ LOOKED_UP = {
     "pinfric.cli": ["import_module(f'pinfric.{module}')"],
     # while numba, which holds its lock, compiles a kernel
     "pinfric.kernels.compiled": ["FunctionIdentity._unique_ids", "config.LOOP_VECTORIZE"],
-    # their neighbours in the folder
-    "pinfric.motions.log.formats.registry": ["import_module(f'.{module.name}')"],
-    "pinfric.show.figure.registry": ["import_module(f'.{module.name}')"],
+    "pinfric.model.neighbours": [  # of a registry, in its folder
+        "import_module(registry.rpartition('.')[0])",
+        "import_module(f'{package.__name__}.{module.name}')",
+    ],
     "pinfric.show.pages.page": ["import_module(module)"],
 }
 

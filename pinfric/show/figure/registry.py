@@ -7,12 +7,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from importlib import import_module
-from pathlib import Path
-from pkgutil import iter_modules
 from typing import Any, TypeVar
 
 from pinfric.errors import StateError, choose_from
+from pinfric.model.neighbours import import_neighbours
 
 
 @dataclass(frozen=True)
@@ -52,8 +50,7 @@ def draws(
 
 def known() -> list[ResultFigure]:
     """Return the figures of all results, those of a module in its order."""
-    for module in iter_modules([str(Path(__file__).parent)]):
-        import_module(f".{module.name}", __package__)
+    import_neighbours(__name__)
     return _KNOWN
 
 

@@ -146,26 +146,28 @@ def _beside(reader: Any, times: IntArray) -> dict[str, NDArray[Any]]:
             for vector in vectors
             for part in ("xyzw" if vector.endswith("orientation") else "xyz")
         ]
-        stamps, rows = list[int](), list[list[float]]()
-        for _, _, raw in reader.messages(connections=[connection]):
+        headers, received, rows = array("q"), array("q"), list[list[float]]()
+        for _, at_reception, raw in reader.messages(connections=[connection]):
             message = reader.deserialize(raw, connection.msgtype)
-            stamp = message.header.stamp
-            stamps.append(stamp.sec * 1_000_000_000 + stamp.nanosec)
+            headers.append(_stamp(message))
+            received.append(at_reception)
             rows.append(
                 [float(attrgetter(f"{vector}.{part}")(message)) for vector, part, _ in names]
             )
         # whole ns are too long for a float
-        own, at = ((np.array(x) - times[0]).astype(np.float64) for x in (stamps, times))
+        stamps = _times(headers, received)
+        own, at = ((x - times[0]).astype(np.float64) for x in (stamps, times))
         order, values = np.argsort(own, kind="stable"), np.array(rows)
         own, values = own[order], values[order]
         reach = _HOLDS * float(np.median(np.diff(own)))
         there = (at >= own[0] - reach) & (at <= own[-1] + reach)
-        if connection.msgtype != "geometry_msgs/msg/WrenchStamped":
+        turns = len(names) == 7  # a pose: position and quaternion
+        if turns:
             turn = values[:, 3:]  # q and -q are one attitude
             turned = np.cumprod(np.where((turn[1:] * turn[:-1]).sum(axis=1) < 0.0, -1.0, 1.0))
             turn[1:] *= turned[:, None]
         found = np.stack([np.where(there, np.interp(at, own, x), np.nan) for x in values.T])
-        if connection.msgtype != "geometry_msgs/msg/WrenchStamped":
+        if turns:
             found[3:] /= np.linalg.norm(found[3:], axis=0)
         columns |= {name: x for (_, _, name), x in zip(names, found, strict=True)}
     return columns
@@ -190,12 +192,22 @@ def _joint_states(
                 f"{path}: topic {topic}: a message names joint {brief(twice)} twice; which of its "
                 "values counts, cannot be known"
             )
-        stamp = message.header.stamp
-        headers.append(stamp.sec * 1_000_000_000 + stamp.nanosec)
+        headers.append(_stamp(message))
         received.append(at)
         groups.setdefault(names, _Messages()).add(len(received) - 1, message)
     if not groups:
         raise TrajectoryError(f"{path}: no message of topic {topic} names a joint")
+    return _times(headers, received), groups
+
+
+def _stamp(message: Any) -> int:
+    """Return the time of a message's header, ns."""
+    stamp = message.header.stamp
+    return int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
+
+
+def _times(headers: array[int], received: array[int]) -> IntArray:
+    """Return the times of a topic's headers, ns; where these stand still, of its reception."""
     own = np.array(headers, dtype=np.int64)
     steps = np.count_nonzero(np.diff(own))
-    return (own if steps > 0.9 * (own.size - 1) else np.array(received, dtype=np.int64)), groups
+    return own if steps > 0.9 * (own.size - 1) else np.array(received, dtype=np.int64)

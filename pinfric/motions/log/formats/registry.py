@@ -7,12 +7,11 @@ folder.
 from __future__ import annotations
 
 from collections.abc import Callable
-from importlib import import_module
 from pathlib import Path
-from pkgutil import iter_modules
 from typing import TypeVar
 
 from pinfric.errors import TrajectoryError
+from pinfric.model.neighbours import import_neighbours
 from pinfric.motions.log.frame import OpenedLog
 
 _Open = TypeVar("_Open", bound=Callable[..., OpenedLog])
@@ -54,9 +53,8 @@ def opener(path: Path) -> Callable[..., OpenedLog]:
     Raises:
         TrajectoryError: no format's files end so.
     """
+    import_neighbours(__name__)
     name = path.name.lower()
-    for module in iter_modules([str(Path(__file__).parent)]):
-        import_module(f".{module.name}", __package__)
     for ending, found in _KNOWN.items():
         if name.endswith(ending):
             return found
