@@ -36,6 +36,8 @@ _LEAST, _ERRORS, _LEFT = np.radians(2.0), 3.0, 0.95
 _ZERO, _OFF, _SURE = 0.05, 0.05, 3.5
 #: Rounds in which the unknowns' efforts follow the links that are fitted beside them.
 _ROUNDS = 8
+#: Part of a link's mass below which what is fitted beside the unknowns is no link.
+_LIGHTEST = 0.01
 #: Weight of the unknowns' prior: only what no row determines stays as the scene says.
 _FREE = 1e-9
 #: Half of a 95 % interval in standard errors.
@@ -226,7 +228,10 @@ def _beside_links(estimate: Estimate, columns: _Columns, count: int, laws: Seque
         normal = Normal.of(grams, np.ones(problem.folds.size, dtype=bool), weights)
         fit = FrictionNormalEquations(normal, prior).fit(slots)
         off = [float(np.sum(residuals(own, fit, j) ** 2)) for j, own in enumerate(rows)]
-        left, theta = float(problem.weights @ off), fit.theta[:p]
+        left, linked = float(problem.weights @ off), fit.theta[:p]
+        light = linked[::10] <= _LIGHTEST * links.center[::10]
+        if not (light & (links.center[::10] > 0.0)).any():  # slopes of such links are rounding
+            theta = linked
         if number == 0:
             first = left
         elif number < _ROUNDS:
